@@ -62,7 +62,6 @@ class FrameRecorder:
         """Make room for all frames up to the end.
 
         Args:
-            domain: The domain.
             save_every_s: Time between frames [s].
             save_from_s: Time of the first [s].
             end_s: Latest end of the run [s].
@@ -260,7 +259,6 @@ class ConvergenceMonitor:
         """Begin to watch a flow at its time 0.
 
         Args:
-            domain: The domain.
             tolerance_frac: Largest change of the mean wind that counts as settled.
             coarse_start_s: How long the flow has developed before, on cells of twice the size [s].
             max_time_s: When it will be given up [s]; a flow that has developed gets windows that fit in twice.

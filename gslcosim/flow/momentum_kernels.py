@@ -166,8 +166,7 @@ def advance_u(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
 
     Args:
         u: Padded x-face velocities at the start of the stage [m/s].
-        v: Same, y-faces.
-        w: Same, z-faces.
+        v, w: Same, y, z-faces.
         pressure: Padded pressure over density at cell centres [m2/s2]; zero outside.
         nu: Padded kinematic viscosity at cell centres, molecular plus eddy [m2/s]; zero outside air.
         coefficient: Padded coefficients of the low-x faces: 0 closed, 1 open, 2 outlet.
@@ -337,8 +336,7 @@ def centre_velocity(u, v, w, out):
 
     Args:
         u: Padded x-face velocities [m/s].
-        v: y-face velocities [m/s].
-        w: z-face velocities [m/s].
+        v, w: y- and z-face velocities [m/s].
         out: Written: (nx, ny, nz, 3) velocities at cell centres, xyz [m/s].
     """
     half = np.float32(0.5)

@@ -117,8 +117,7 @@ def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, cen
 
     Args:
         name: The inlet's, for messages.
-        velocity: As in `Inlet`.
-        factor: As in `Inlet`.
+        velocity, factor: As in `Inlet`.
         centres_m: (na, nb, 3) centres of the patch's boundary faces, grid's frame [m].
     """
     if factor is not None and factor.has_velocities:

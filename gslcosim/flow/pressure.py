@@ -6,6 +6,9 @@ Padding of potentials, right-hand sides and coefficients of closed faces is zero
 
 The system is  sum over the six faces of  a_f (x_c - x_n) = b_c,  a_f >= 0 the face's coefficient:
 0 closed, 1 between two air cells, 2 to an outlet (x = 0 on the face, half a cell away).
+
+Arguments of several functions: `b` padded right-hand side [m/s]; `x_coefficient`, `y_coefficient` and `z_coefficient`
+coefficients of the low-x, low-y and low-z faces.
 """
 
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
@@ -31,11 +34,8 @@ def negative_divergence(u, v, w, x_coefficient, y_coefficient, z_coefficient, b)
 
     Args:
         u: Padded x-face velocities [m/s]; u[i, j, k] is on the low-x face of cell (i, j, k).
-        v: Same on low-y faces [m/s].
-        w: Same on low-z faces [m/s].
+        v, w: Same on low-y and low-z faces [m/s].
         x_coefficient: Face coefficients of the pressure system, low-x faces.
-        y_coefficient: Same, low-y faces.
-        z_coefficient: Same, low-z faces.
         b: Written: padded right-hand side [m/s].
 
     Returns:
@@ -75,12 +75,8 @@ def subtract_gradient(u, v, w, x, x_coefficient, y_coefficient, z_coefficient):
 
     Args:
         u: Padded x-face velocities [m/s], modified.
-        v: y-face velocities [m/s], modified.
-        w: z-face velocities [m/s], modified.
+        v, w: y- and z-face velocities [m/s], modified.
         x: Padded solution of the pressure system [m/s].
-        x_coefficient: Face coefficients, low-x faces.
-        y_coefficient: Same, low-y faces.
-        z_coefficient: Same, low-z faces.
 
     Held by:
         tests/unit/flow/test_pressure.py (divergence after a projection)
@@ -112,7 +108,6 @@ def smooth_first_colour(x, b, inverse_diagonal, colour_masks, colour):
 
     Args:
         x: Written: padded potential [m/s].
-        b: Padded right-hand side [m/s].
         inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
         colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
         colour: 0 or 1, the parity of i + j + k that is set.
@@ -136,10 +131,6 @@ def smooth_colour(x, b, x_coefficient, y_coefficient, z_coefficient, inverse_dia
 
     Args:
         x: Padded potential [m/s], modified.
-        b: Padded right-hand side [m/s].
-        x_coefficient: Face coefficients, low-x faces.
-        y_coefficient: Same, low-y faces.
-        z_coefficient: Same, low-z faces.
         inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
         colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
         colour: 0 or 1.
@@ -170,10 +161,6 @@ def restrict_residual(x, b, x_coefficient, y_coefficient, z_coefficient, coarse_
 
     Args:
         x: Padded potential [m/s].
-        b: Padded right-hand side [m/s].
-        x_coefficient: Face coefficients, low-x faces.
-        y_coefficient: Same, low-y faces.
-        z_coefficient: Same, low-z faces.
         coarse_b: Written: right-hand side of the coarser level [m/s].
     """
     ncx, ncy, ncz = coarse_b.shape
@@ -232,9 +219,6 @@ def apply_operator(x, x_coefficient, y_coefficient, z_coefficient, ax_out):
 
     Args:
         x: Padded vector.
-        x_coefficient: Face coefficients, low-x faces.
-        y_coefficient: Same, low-y faces.
-        z_coefficient: Same, low-z faces.
         ax_out: Written: padded product.
 
     Returns:
@@ -458,8 +442,7 @@ class PressureSolver:
 
         Args:
             u: Padded x-face velocities [m/s], modified.
-            v: y-face velocities [m/s], modified.
-            w: z-face velocities [m/s], modified.
+            v, w: y- and z-face velocities [m/s], modified.
             tolerance_m_s: Largest root mean square of divergence times cell that may remain [m/s].
             max_tolerance_m_s: Largest divergence times cell that may remain in any cell [m/s].
             max_iterations: Iterations after which it stops anyway; the caller judges by the result.

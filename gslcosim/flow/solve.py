@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,6 @@ def develop_on_coarse_cells(
 
     Args:
         domain: The domain on the room's own cells.
-        numerics: How to solve.
         max_time_s: How long the flow will be solved on the room's own cells at most [s].
         progress: Called with the share of the longest start that is over.
 
@@ -213,56 +212,21 @@ class _Observer(Protocol):
     def see(self, solver: FlowSolver, record: StepRecord) -> None: ...
 
 
-def solve_wind(
-    free: NDArray[np.bool_],
-    cell_m: float,
-    patches: Sequence[Patch],
-    *,
-    end_time_s: float | None = None,
-    average_from_s: float | None = None,
-    progress: Callable[[float], None] | None = None,
-    turbulence: Turbulence = "k_epsilon",
-    nu_m2_s: float = AIR_NU_M2_S,
-    courant: float = 0.9,
-    max_time_s: float = MAX_TIME_S,
-    settle_tolerance_frac: float = WIND_TOLERANCE_FRAC,
-) -> F32:
+def solve_wind(free: NDArray[np.bool_], cell_m: float, patches: Sequence[Patch], **settings: Any) -> F32:
     """Compute the wind in a room from its geometry, its inlets and its outlets.
 
-    Air starts at rest, in halls without an end as it has developed on larger cells (`coarse_start`); walls are wherever
-    no patch is. See `solve_wind_report` for how well it was solved.
-
     Args:
-        free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
+        free: As for `solve_wind_report`, like all others and the settings.
         cell_m: Edge of the cubic cells [m].
-        patches: Inlets, outlets, moving and frictionless walls on the boundary of the box.
-        end_time_s: How long the flow develops [s]; absent: until its statistics have settled, and the wind returned
-            is the mean over the last two windows of time compared (`convergence.ConvergenceMonitor` says how).
-        average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
-        progress: Called now and then with the fraction done, 0 to 1.
-        turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
-        nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
-        courant: Largest (|u| + |v| + |w|) dt / h of a step.
-        max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.
-            The time on larger cells is not counted.
-        settle_tolerance_frac: Without an end: largest change of the mean wind from window to window (root mean square).
+        patches: What is on the boundary of the box.
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
+
+    Raises:
+        FlowError: the case cannot be solved, or diverged; the message says what to change.
     """
-    return solve_wind_report(
-        free,
-        cell_m,
-        patches,
-        end_time_s=end_time_s,
-        average_from_s=average_from_s,
-        progress=progress,
-        turbulence=turbulence,
-        nu_m2_s=nu_m2_s,
-        courant=courant,
-        max_time_s=max_time_s,
-        settle_tolerance_frac=settle_tolerance_frac,
-    ).velocity_m_s
+    return solve_wind_report(free, cell_m, patches, **settings).velocity_m_s
 
 
 def solve_wind_report(
@@ -283,20 +247,25 @@ def solve_wind_report(
     max_step_s: float | None = None,
     buoyancy: BuoyantScalar | None = None,
 ) -> WindReport:
-    """Compute the wind in a room and say how well it was solved.
+    """Compute the wind in a room from its geometry, its inlets and its outlets, and say how well it was solved.
+
+    Air starts at rest, in halls without an end as it has developed on larger cells (`coarse_start`); walls are wherever
+    no patch is.
 
     Args:
-        free: As for `solve_wind`, like all that is not named here.
+        free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
         cell_m: Edge of the cubic cells [m].
-        patches: What is on the boundary of the box.
-        end_time_s: How long the flow develops [s], or absent.
-        average_from_s: Start of the mean [s], or absent.
-        progress: Called with the fraction done.
-        turbulence: Turbulence model.
-        nu_m2_s: Kinematic viscosity [m2/s].
-        courant: Largest Courant number.
-        max_time_s: When to give up waiting for the statistics to settle [s].
-        settle_tolerance_frac: Largest change that counts as settled.
+        patches: Inlets, outlets, moving and frictionless walls on the boundary of the box.
+        end_time_s: How long the flow develops [s]; absent: until its statistics have settled, and the wind returned
+            is the mean over the last two windows of time compared (`convergence.ConvergenceMonitor` says how).
+        average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
+        progress: Called now and then with the fraction done, 0 to 1.
+        turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
+        nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
+        courant: Largest (|u| + |v| + |w|) dt / h of a step.
+        max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.
+            The time on larger cells is not counted.
+        settle_tolerance_frac: Without an end: largest change of the mean wind from window to window (root mean square).
         save_every_s: Keep a frame of the wind at every so many seconds [s]; absent: none.
         save_from_s: Time of the first frame [s].
         max_step_s: Largest time step, whatever the Courant number [s].
@@ -403,13 +372,12 @@ def _report(
     domain = solver.domain
     divergence_m_s = solver.divergence_m_s(velocity)
     inflow, outflow = mass_balance(domain, velocity)
-    inner = (slice(LOW, -HIGH),) * 3
     model = solver.model if isinstance(solver.model, KEpsilon) else None
     return WindReport(
         velocity_m_s=solver.centre_velocity(velocity),
         face_velocity_m_s=_trimmed(velocity),
-        k_m2_s2=None if model is None else model.k[inner].copy(),
-        epsilon_m2_s3=None if model is None else model.epsilon[inner].copy(),
+        k_m2_s2=None if model is None else model.k[_INNER].copy(),
+        epsilon_m2_s3=None if model is None else model.epsilon[_INNER].copy(),
         divergence_max_per_s=divergence_m_s / domain.cell_m,
         divergence_relative=divergence_m_s / solver.reference_speed_m_s,
         inflow_m3_s=inflow,
@@ -418,7 +386,7 @@ def _report(
         n_cut_off_cells=domain.n_cut_off,
         history=history,
         settling=settling,
-        scalar=None if solver.buoyancy is None else solver.buoyancy.values[inner].copy(),
+        scalar=None if solver.buoyancy is None else solver.buoyancy.values[_INNER].copy(),
         scalar_by_height=None if solver.buoyancy is None else solver.buoyancy.column_mean(),
         frames_m_s=None if frames is None else frames.frames_m_s,
         frame_times_s=None if frames is None else frames.times_s,

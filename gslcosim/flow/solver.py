@@ -19,7 +19,6 @@ def impose_inlets(domain: Domain, velocity: Velocity, time_s: float) -> None:
     """Set the prescribed velocities on the faces of inlets, in place.
 
     Args:
-        domain: The domain.
         velocity: Padded face velocities [m/s], modified.
         time_s: For inlets that change in time [s].
     """
@@ -31,7 +30,6 @@ def impose_open_pressure(domain: Domain, velocity: Velocity, pressure: F32) -> N
     """Set the pressure outside open patches: -u_n^2 / 2 where air enters, else 0 [m2/s2], in place.
 
     Args:
-        domain: The domain.
         velocity: Padded face velocities [m/s].
         pressure: Padded pressure over density [m2/s2], modified outside open patches only.
     """
@@ -53,7 +51,6 @@ def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> 
     unless it is open, and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
 
     Args:
-        domain: The domain.
         velocity: Padded face velocities [m/s], modified outside the box and inside solids only.
         nu: Padded viscosity [m2/s], modified outside outlets.
         time_s: For inlets that change in time [s].
@@ -210,7 +207,6 @@ class FlowSolver:
         """Start the flow, projected to be divergence-free.
 
         Args:
-            domain: Geometry and boundary conditions.
             model: Turbulence model of the same domain.
             courant: Largest (|u| + |v| + |w|) dt / h, at most 1.
             max_step_s: Largest time step, whatever the Courant number [s].

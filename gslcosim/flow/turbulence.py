@@ -6,6 +6,10 @@ Friction says how strongly a wall slows the air beside it, and what it does to t
 are those of `domain.WallFriction`. The wall is half a cell from the velocities that it slows.
 
 Padding and index order are those of `pressure`; scalars are at cell centres.
+
+Arguments of several functions: `cell_m` edge of a cell, h [m]; `dt_s` time step [s]; `nu_m2_s` molecular viscosity
+[m2/s]; `k_m2_s2` flat padded turbulence energy [m2/s2]; `cells` (n,) flat padded indices of wall cells; `v` and `w`
+velocities on y- and z-faces, padded as `u` is [m/s].
 """
 
 import math
@@ -42,10 +46,6 @@ def log_law_friction(cells, k_m2_s2, nu_m2_s, cell_m, friction_m_s):
     [m/s] = [m/s];  y = h / 2, tau = c (U - U_wall) is the kinematic shear stress [m2/s2]
 
     Args:
-        cells: (n,) flat padded indices of wall cells.
-        k_m2_s2: Flat padded turbulence energy [m2/s2].
-        nu_m2_s: Molecular viscosity [m2/s].
-        cell_m: Edge of a cell, h [m].
         friction_m_s: Written: (n,) c [m/s].
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, section 2.3 (kappa 0.41, E 9.8).
@@ -78,15 +78,10 @@ def power_law_friction(cells, wall_velocity, u, v, w, stride_x, stride_y, nu_m2_
     [m/s]
 
     Args:
-        cells: (n,) flat padded indices of wall cells.
         wall_velocity: (n, 3) velocity of the wall [m/s].
         u: Flat padded x-face velocities [m/s].
-        v: y-face velocities [m/s].
-        w: z-face velocities [m/s].
         stride_x: Distance of x-neighbours in the flat arrays.
         stride_y: Same for y-neighbours.
-        nu_m2_s: Molecular viscosity [m2/s].
-        cell_m: Edge of a cell, h [m].
         friction_m_s: Written: (n,) c [m/s].
 
     Source: Werner and Wengle 1993, Large-eddy simulation of turbulent flow over and around a cube in a plate channel
@@ -119,8 +114,6 @@ def apply_friction(velocity, out, faces, owners, wall_speed_m_s, friction_m_s, d
         owners: (m,) index into `friction_m_s`.
         wall_speed_m_s: (m,) speed of the wall along the component [m/s].
         friction_m_s: (n,) c of each wall cell [m/s].
-        dt_s: Time step [s].
-        cell_m: Edge of a cell, h [m].
         stage_weight: g of the Runge-Kutta stage.
 
     Held by:
@@ -142,17 +135,11 @@ def wall_production(
     [m2/s3] = [m/s] [m/s] [m/s] / [m]
 
     Args:
-        cells: (n,) flat padded indices of wall cells.
         wall_velocity: (n, 3) velocity of the wall [m/s].
         u: Flat padded x-face velocities [m/s].
-        v: y-face velocities [m/s].
-        w: z-face velocities [m/s].
         stride_x: Distance of x-neighbours in the flat arrays.
         stride_y: Same for y-neighbours.
-        k_m2_s2: Flat padded turbulence energy [m2/s2].
-        nu_m2_s: Molecular viscosity [m2/s].
         friction_m_s: (n,) c from `log_law_friction` [m/s].
-        cell_m: Edge of a cell [m].
         production: Flat padded production [m2/s3], modified in wall cells.
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, section 2.3.
@@ -174,10 +161,6 @@ def wall_dissipation(cells, k_m2_s2, nu_m2_s, cell_m, epsilon):
     [m2/s3] = [m3/s3] / [m]
 
     Args:
-        cells: (n,) flat padded indices of wall cells.
-        k_m2_s2: Flat padded turbulence energy [m2/s2].
-        nu_m2_s: Molecular viscosity [m2/s].
-        cell_m: Edge of a cell [m].
         epsilon: Flat padded dissipation [m2/s3], modified in wall cells.
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, section 2.3.
@@ -230,9 +213,6 @@ def strain_squared(u, v, w, cell_m, out):
 
     Args:
         u: Padded x-face velocities [m/s].
-        v: y-face velocities [m/s].
-        w: z-face velocities [m/s].
-        cell_m: Edge of a cell [m].
         out: Written: padded 2 S:S [1/s2].
 
     Held by:
@@ -276,7 +256,6 @@ def production_from_strain(nu, nu_m2_s, production):
 
     Args:
         nu: Padded total viscosity, nu_t + nu_m2_s in air and 0 elsewhere [m2/s].
-        nu_m2_s: Molecular viscosity [m2/s].
         production: Padded 2 S:S [1/s2], becomes P.
     """
     nx, ny, nz = nu.shape
@@ -330,14 +309,9 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, diffusivity_m2_s, sigma, dt_s
     Args:
         scalar: Padded scalar at cell centres; its padding at inlets holds the incoming value.
         u: Padded x-face velocities [m/s].
-        v: y-face velocities [m/s].
-        w: z-face velocities [m/s].
         nu: Padded total viscosity nu_t + nu_m2_s, 0 outside air [m2/s].
-        nu_m2_s: Molecular viscosity [m2/s].
         diffusivity_m2_s: Molecular diffusivity of the scalar, D [m2/s].
         sigma: Turbulent Prandtl number of the scalar.
-        dt_s: Time step [s].
-        cell_m: Edge of a cell [m].
         out: Written: padded scalar after the step; not `scalar`.
 
     Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 6, which `solver` sees to.
@@ -412,7 +386,6 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s, c_1, c
         e_moved: Padded dissipation after transport, becomes the new dissipation [m2/s3].
         production: Padded P [m2/s3].
         nu: Padded total viscosity; 0 marks what is not air and stays untouched.
-        dt_s: Time step [s].
         c_1: C_1 of the production, float32.
         c_2: C_2 of the dissipation, float32.
 
@@ -451,7 +424,6 @@ def strain_sink_rng(energy, dissipation, production, nu, c_mu, dt_s, moved):
         production: Padded P [m2/s3].
         nu: Padded total viscosity; 0 marks what is not air and stays untouched.
         c_mu: C_mu of the model.
-        dt_s: Time step [s].
         moved: Padded epsilon after transport [m2/s3], modified.
 
     Source: Yakhot, Orszag, Thangam, Gatski and Speziale 1992, doi:10.1063/1.858424, equations 31 and 32.
@@ -490,11 +462,9 @@ def buoyancy_production(energy, dissipation, nu, nu_m2_s, stratification, sigma,
         energy: Padded k before the step [m2/s2].
         dissipation: Padded epsilon before the step [m2/s3].
         nu: Padded total viscosity, 0 outside air [m2/s].
-        nu_m2_s: Molecular viscosity [m2/s].
         stratification: Padded N^2, above 0 where air is stable [1/s2].
         sigma: Turbulent Schmidt or Prandtl number of what makes the air light.
         c_1: C_1 of the production of epsilon, float32.
-        dt_s: Time step [s].
         k_moved: Padded k after transport, modified.
         e_moved: Padded epsilon after transport, modified.
 
@@ -524,7 +494,6 @@ def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation, c_m
     Args:
         k_new: Padded new energy [m2/s2].
         e_new: Padded new dissipation [m2/s3].
-        nu_m2_s: Molecular viscosity [m2/s].
         nu: Padded total viscosity, modified where it is not 0.
         energy: Written: copy of `k_new` in all cells of the box.
         dissipation: Written: copy of `e_new`.
@@ -553,8 +522,6 @@ def eddy_viscosity_smagorinsky(strain, constant, nu_m2_s, cell_m, nu):
     Args:
         strain: Padded 2 S:S [1/s2].
         constant: Smagorinsky's C.
-        nu_m2_s: Molecular viscosity [m2/s].
-        cell_m: Edge of a cell, h [m].
         nu: Padded total viscosity, modified where it is not 0.
 
     Source: Smagorinsky 1963, doi:10.1175/1520-0493(1963)091<0099:GCEWTP>2.3.CO;2.

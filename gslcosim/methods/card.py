@@ -1,6 +1,6 @@
 """Card of a search method: a YAML file beside its program, kinds of instruments, and the check of its needs."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
-from gslcosim.base.quantities import ESTIMATE_QUANTITY, GAS_QUANTITIES, POINT_GAS_QUANTITIES
+from gslcosim.base.quantities import BEAM_QUANTITY, ESTIMATE_QUANTITY, POINT_GAS_QUANTITIES
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.contract.messages import ParameterValue, SensorDescription
 
@@ -23,46 +23,21 @@ RANGE_QUANTITY = "range"
 CAMERA_QUANTITY = "picture"
 
 
-# Methods map a reading to the place of the sensor, so that a beam is none for them.
-def _is_gas(sensor: SensorDescription) -> bool:
-    return sensor.quantity in POINT_GAS_QUANTITIES
-
-
-def _is_gas_ohm(sensor: SensorDescription) -> bool:
-    return sensor.quantity == "resistance"
-
-
-def _is_gas_ppm(sensor: SensorDescription) -> bool:
-    return sensor.quantity in ("mixing_ratio", ESTIMATE_QUANTITY)
-
-
-def _is_wind(sensor: SensorDescription) -> bool:
-    return sensor.quantity == WIND_QUANTITY
-
-
-def _is_range(sensor: SensorDescription) -> bool:
-    return sensor.quantity == RANGE_QUANTITY
-
-
-def _is_camera(sensor: SensorDescription) -> bool:
-    return sensor.quantity == CAMERA_QUANTITY
-
-
-# For each kind its predicate, and an example that a person may add to a scenario.
-INSTRUMENT_KINDS: dict[str, tuple[Callable[[SensorDescription], bool], str]] = {
-    "gas": (_is_gas, "{model: tgs2600, name: nose}"),
-    "gas_ohm": (_is_gas_ohm, "{model: tgs2600, name: nose}"),
-    "gas_ppm": (_is_gas_ppm, "{model: pid, name: nose}"),
-    "wind": (_is_wind, "{model: anemometer, name: wind}"),
-    "range": (_is_range, "{model: four_range_finders, name: ranges}"),
-    "camera": (_is_camera, "{model: camera, name: eye}"),
+# For each kind the quantities of its sensors, and an example that a person may add to a scenario. Methods map a reading
+# to the place of the sensor, so that a beam is no gas for them.
+INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
+    "gas": (POINT_GAS_QUANTITIES, "{model: tgs2600, name: nose}"),
+    "gas_ohm": (("resistance",), "{model: tgs2600, name: nose}"),
+    "gas_ppm": (("mixing_ratio", ESTIMATE_QUANTITY), "{model: pid, name: nose}"),
+    "wind": ((WIND_QUANTITY,), "{model: anemometer, name: wind}"),
+    "range": ((RANGE_QUANTITY,), "{model: four_range_finders, name: ranges}"),
+    "camera": ((CAMERA_QUANTITY,), "{model: camera, name: eye}"),
 }
 
 
 def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
     """Return how many sensors are of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
-    is_of_kind, _ = INSTRUMENT_KINDS[kind]
-    return sum(is_of_kind(sensor) for sensor in sensors)
+    return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
 
 
 CARD_FILE = "method.yaml"
@@ -305,7 +280,6 @@ def find_unmet_needs(
     """Return all that keeps a method from flying.
 
     Args:
-        card: The method's.
         sensors: The instruments of the vehicle, as described in a briefing.
         knows: What is granted: `map`, `plume`, `source`.
         n_channels: The radio channels on which the agent is.
@@ -321,7 +295,7 @@ def find_unmet_needs(
 
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
-    beams = [sensor.model for sensor in sensors if sensor.quantity in GAS_QUANTITIES and not _is_gas(sensor)]
+    beams = [sensor.model for sensor in sensors if sensor.quantity == BEAM_QUANTITY]
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:

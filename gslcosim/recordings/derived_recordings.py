@@ -21,6 +21,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.recordings.chunks import read_chunks
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import colors
+from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, title
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
@@ -29,25 +30,6 @@ from gslcosim_services.recorder.rows.agents import AgentRows
 from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
-from gslcosim_services.recorder.stream_table import (
-    BELIEF,
-    DISTANCE,
-    EVENTS,
-    FILAMENTS,
-    LEGEND,
-    LOGS,
-    MARKS,
-    MIXING_RATIO,
-    NOTE_MODE,
-    SCALARS,
-    SLICES,
-    STREAMS,
-    SUMMARY,
-    TEXTS,
-    TRACK,
-    WAYPOINTS,
-    WIND_ARROWS,
-)
 
 
 def record_from_tick(
@@ -58,10 +40,6 @@ def record_from_tick(
     The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
 
     Args:
-        recording: A run's recording.
-        scenario: What was run.
-        environment: Where.
-        path: The file to write.
         tick: Where it opens.
         is_still: Whether what comes later is left out, and nothing plays; otherwise the viewer plays from there on.
     """
@@ -130,23 +108,25 @@ def _last_tick(chunk: Chunk) -> int | None:
 
 def _find_believer(chunk: Chunk) -> str | None:
     root, _, name = str(chunk.entity_path).removeprefix("/").partition("/")
-    return name if root == BELIEF.root else None
+    return name if root == streams.BELIEF.root else None
 
 
 def _has_notes(chunk: Chunk) -> bool:
-    return str(chunk.entity_path).removeprefix("/").partition("/")[0] == NOTE_MODE.root
+    return str(chunk.entity_path).removeprefix("/").partition("/")[0] == streams.NOTE_MODE.root
 
 
 MAX_RUNS = 8
 # Of these the first run's are shown for all: they are the same where neither gas nor wind differ.
-_SHARED_ENTITIES = tuple(stream.entity.split("/")[0] for stream in (FILAMENTS, SLICES, WIND_ARROWS))
-_LOGS = tuple(log.entity for log in LOGS)
+_SHARED_ENTITIES = tuple(
+    stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
+)
+_LOGS = tuple(log.entity for log in streams.LOGS)
 # An agent's name is the next part of a path.
-_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in STREAMS if stream.is_of_agent))
+_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
 # What stands still and is not drawn again.
-_COPIED_STATIC_ENTITIES = (BELIEF.root, SLICES.root)
+_COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
 # Where lines across the curves say that runs part.
-_MARKED_PLOTS = (MIXING_RATIO.root, DISTANCE.root)
+_MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
 _DIVERGENCE_ENTITY = "they_part"
 _DIVERGENCE_COLOR = colors.CONTACT
 
@@ -191,8 +171,6 @@ def record_side_by_side(
 
     Args:
         runs: Two runs or more, all in `environment` and with equal ticks.
-        environment: Their room.
-        path: The file to write.
         divergence: Where they part, to be marked; not where they are moved in time.
         is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
             first run has.
@@ -206,7 +184,7 @@ def record_side_by_side(
         [*_rename_chunks(run.recording, names, is_first=i == 0, meets_at=meets_at)]
         for i, (run, names) in enumerate(zip(runs, renamed, strict=True))
     ]
-    believers = {name for chunk in itertools.chain(*chunks) if (name := _find_belief_agent(chunk))}
+    believers = {name for chunk in itertools.chain(*chunks) if (name := _find_believer(chunk))}
     file = RecordingFile(
         path,
         run_id="-".join(run.recording.resolve().parent.name for run in runs),
@@ -251,17 +229,17 @@ def _draw(
     draw_room(file, environment)
     draw_sources(file, scenario)
     draw_map(file, environment, GasScale.of(scenario), scenario.slice_height_m)
-    WindLayer(environment, scenario.slice_height_m).draw(file, WIND_ARROWS.entity)
+    WindLayer(environment, scenario.slice_height_m).draw(file, streams.WIND_ARROWS.entity)
     for names in build_entities(scenario):
         rows = AgentRows(names, list_gas_names(scenario), scenario.tick_ns)
         rows.draw(file, label=f"{names.agent.name} ")
         if names.agent.name in believers:
             rows.belief.draw(file, label=f"{names.agent.name} ")
         # What is drawn at all times wins over the colour of each row.
-        for points in (WAYPOINTS, MARKS):
+        for points in (streams.WAYPOINTS, streams.MARKS):
             file.draw(names.at(points), rr.Points3D.from_fields(colors=[names.color]))
-    file.draw(LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
-    file.draw(SUMMARY.entity, rr.TextDocument(summary, media_type=rr.MediaType.MARKDOWN))
+    file.draw(streams.LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
+    file.draw(streams.SUMMARY.entity, rr.TextDocument(summary, media_type=rr.MediaType.MARKDOWN))
     file.flush()
 
 
@@ -310,7 +288,7 @@ def _find_first_contact(chunks: Sequence[Chunk], recording: Path) -> int:
     ticks = [
         tick
         for chunk in chunks
-        if not chunk.is_static and str(chunk.entity_path).startswith(f"/{MARKS.root}/")
+        if not chunk.is_static and str(chunk.entity_path).startswith(f"/{streams.MARKS.root}/")
         for tick, labels in _labels(chunk)
         if FIRST_GAS in labels
     ]
@@ -350,14 +328,9 @@ def _rename_path(path: str, names: Mapping[str, str]) -> str | None:
     return None
 
 
-def _find_belief_agent(chunk: Chunk) -> str | None:
-    root, _, name = str(chunk.entity_path).removeprefix("/").partition("/")
-    return name if root == BELIEF.root else None
-
-
 def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
     batch = chunk.to_record_batch()
-    i = batch.schema.get_field_index(TEXTS)
+    i = batch.schema.get_field_index(streams.TEXTS)
     texts: list[list[str]] = batch.column(i).to_pylist()
     column = pa.array([[f"{letter}  {text}" for text in row] for row in texts], type=batch.schema.field(i).type)
     said = Chunk.from_record_batch(batch.set_column(i, batch.schema.field(i), column))
@@ -368,11 +341,13 @@ def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
 def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Divergence, chunks: Sequence[Chunk]) -> None:
     label = f"they part at {seconds_from_ticks(divergence.tick, scenario.tick_ns):g} s"
     names = build_entities(scenario)[0]
-    place_m = _find_position_m(chunks, names.at(TRACK), divergence.tick)
+    place_m = _find_position_m(chunks, names.at(streams.TRACK), divergence.tick)
     if place_m is not None:
         columns = rr.Points3D.columns(positions=[place_m], labels=[label], radii=[0.15], show_labels=[True])
-        file.draw(f"{names.at(MARKS)}/{_DIVERGENCE_ENTITY}", rr.Points3D.from_fields(colors=[_DIVERGENCE_COLOR]))
-        file.send(f"{names.at(MARKS)}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
+        file.draw(
+            f"{names.at(streams.MARKS)}/{_DIVERGENCE_ENTITY}", rr.Points3D.from_fields(colors=[_DIVERGENCE_COLOR])
+        )
+        file.send(f"{names.at(streams.MARKS)}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
     for plot in _MARKED_PLOTS:
         values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
         if values:
@@ -384,7 +359,11 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
             # A tick wide: of two values at one tick the viewer draws the last.
             ends = [min(values), max(values)]
             file.send(entity, [divergence.tick, divergence.tick + 1], rr.Scalars.columns(scalars=ends))
-    file.send(f"{EVENTS.entity}/parting", [divergence.tick], rr.TextLog.columns(text=[divergence.text], level=["WARN"]))
+    file.send(
+        f"{streams.EVENTS.entity}/parting",
+        [divergence.tick],
+        rr.TextLog.columns(text=[divergence.text], level=["WARN"]),
+    )
 
 
 def _is_plotted(chunk: Chunk, plot: str) -> bool:
@@ -393,7 +372,7 @@ def _is_plotted(chunk: Chunk, plot: str) -> bool:
 
 def _numbers(chunk: Chunk) -> list[float]:
     batch: Any = chunk.to_record_batch()
-    return [float(value) for row in batch.column(SCALARS).to_pylist() for value in row or ()]
+    return [float(value) for row in batch.column(streams.SCALARS).to_pylist() for value in row or ()]
 
 
 def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 | None:
@@ -402,6 +381,6 @@ def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 |
             batch: Any = chunk.to_record_batch()
             ticks: list[int] = batch.column(TICK_TIMELINE).to_pylist()
             if tick in ticks:
-                x, y, z = batch.column(TRACK.component).to_pylist()[ticks.index(tick)][0]
+                x, y, z = batch.column(streams.TRACK.component).to_pylist()[ticks.index(tick)][0]
                 return (x, y, z)
     return None

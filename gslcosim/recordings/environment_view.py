@@ -12,7 +12,7 @@ from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.openings import boxes_from_solid
 from gslcosim_services.recorder import colors
-from gslcosim_services.recorder.blueprint import fit_room_camera
+from gslcosim_services.recorder.blueprint import build_space_view, fit_room_camera
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.scene import WIRE, draw_room, floor_grid_m
@@ -32,7 +32,6 @@ def streamlines(
     its greatest length.
 
     Args:
-        environment: The room and its wind.
         seeds_m: (n, 3) where paths begin, world frame [m]; those outside the air have none.
         max_length_m: How long a path may become [m].
     """
@@ -82,10 +81,6 @@ def record_environment(environment: Environment, path: Path) -> None:
 
     Arrows are the wind at 2 m, or in the middle of lower rooms. Half of the streamlines begin at the inlets, the
     others anywhere in the air.
-
-    Args:
-        environment: What to show.
-        path: The recording to write.
     """
     file = RecordingFile(
         path,
@@ -103,21 +98,12 @@ def record_environment(environment: Environment, path: Path) -> None:
 
 
 def _blueprint(environment: Environment) -> rrb.Blueprint:
-    eye_m, target_m = fit_room_camera(environment)
-    size = " x ".join(
-        f"{high - low:.4g}" for low, high in zip(environment.grid.origin_m, environment.grid.max_m, strict=True)
-    )
-    view = rrb.Spatial3DView(
-        origin="/",
-        name=f"{environment.name}, {size} m (floor grid {floor_grid_m(environment):g} m)",
-        background=colors.BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=(0.0, 0.0, 1.0)
-        ),
-        # Occupancy lies over what it was made from: it is there to be switched on.
-        overrides={OCCUPANCY: rrb.EntityBehavior(visible=False)},
-    )
+    grid = environment.grid
+    size = " x ".join(f"{high - low:.4g}" for low, high in zip(grid.origin_m, grid.max_m, strict=True))
+    name = f"{environment.name}, {size} m (floor grid {floor_grid_m(environment):g} m)"
+    # Occupancy lies over what it was made from: it is there to be switched on.
+    hidden = {OCCUPANCY: rrb.EntityBehavior(visible=False)}
+    view = build_space_view(name, fit_room_camera(environment), (0.0, 0.0, 1.0), overrides=hidden)
     return rrb.Blueprint(
         view,
         rrb.BlueprintPanel(state="collapsed"),

@@ -149,7 +149,6 @@ def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
     """Return the summary of a folder by its files; whether somebody flies it now is not asked.
 
     Args:
-        folder: A folder.
         now_s: The time from which its age counts, by `time.time`; by default now.
     """
     sizes, changed_s = _files(folder)

@@ -60,8 +60,6 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
     """Save a picture of a recording as the viewer shows it first; needs no screen and no graphics card.
 
     Args:
-        path: The recording.
-        png: The picture to write.
         window_size: Width and height of the picture [pixels].
     """
     _check_file(path)

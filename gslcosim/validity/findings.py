@@ -90,7 +90,6 @@ def assess_run(
     """Return all findings on a run.
 
     Args:
-        scenario: What was run.
         environments: The folder of its environment, and those that events made of it.
         summary: Summaries of its participants, by key.
         n_ticks: Its ticks.
@@ -117,9 +116,6 @@ def assess_conduct(conduct: Sequence[AgentConduct]) -> Iterator[Finding]:
     yield _assess_commands(conduct)
     yield _assess_sensors(conduct)
     yield _assess_contact(conduct)
-
-
-# ---------------------------------------------------------------- wind and gas
 
 
 def _assess_air(scenario: Scenario, environments: Sequence[Path]) -> Iterator[Finding]:
@@ -199,9 +195,6 @@ def _find_longer_solve(scenario: Scenario) -> str:
         f"Solve it for longer, for example --set wind.max_time_s={2 * max_time_s:g}, "
         "or say the uncertainty beside the figures."
     )
-
-
-# ---------------------------------------------------------------- agents
 
 
 def _assess_commands(conduct: Sequence[AgentConduct]) -> Finding:
@@ -303,9 +296,6 @@ def _assess_contact(conduct: Sequence[AgentConduct]) -> Finding:
     count = f"{len(met)} of {len(conduct)} agents" if len(conduct) > 1 else met[0].agent
     text = f"{count} met gas{above}, first after {first_s:g} s."
     return Finding(about="contact", severity="ok", text=text, figures=figures)
-
-
-# ---------------------------------------------------------------- machine
 
 
 def _assess_isolation(sandboxes: Mapping[str, str], free: Sequence[str]) -> Finding:

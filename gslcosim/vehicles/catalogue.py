@@ -231,17 +231,8 @@ def read_vehicle(name: str, folder: Path) -> Vehicle:
         problems += _find_rotor_problems(cast("RotorParameters", read["rotors"]))
     if problems:
         raise _build_error(name, path, problems)
-    return Vehicle(
-        name=name,
-        description=str(description).strip(),
-        kind=cast("Kind", kind),
-        folder=folder,
-        body=cast("BodyParameters", read["body"]),
-        control=cast("ControlParameters | None", read.get("control")),
-        rotors=cast("RotorParameters | None", read.get("rotors")),
-        wheels=cast("WheelParameters | None", read.get("wheels")),
-        drawing=cast("Drawing | None", read.get("drawing")),
-    )
+    parts: dict[str, Any] = dict.fromkeys(("control", "rotors", "wheels", "drawing")) | read
+    return Vehicle(name=name, description=str(description).strip(), kind=cast("Kind", kind), folder=folder, **parts)
 
 
 def _load_sections(name: str, path: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from gslcosim.contract.messages import (
     GasAmount,
     MountSample,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.environment.variants import ScaledWind
@@ -120,6 +120,7 @@ class FieldsCore:
     every `recording.gas_every_s`. Readings see filaments with a cut-off at 5 sigma (3 with `compatibility: gaden_3`)
     and along free lines of sight; slices are cut off at 3 sigma and do not look for walls.
 
+    `gas` is the gas as it is now, `gases` are its names in the order of the columns of `compute_gas_ppm`.
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
     """
@@ -128,45 +129,31 @@ class FieldsCore:
         """Build the plume of a scenario in its room."""
         self._scenario = scenario
         self._environment = environment
-        self._spec = fields_spec(scenario)
+        self.spec = fields_spec(scenario)
         self._timing = gas_timing(scenario)
         self._mounts = MountPositions(scenario)
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
         self._wind = ScaledWind(environment, scenario) if scenario.has_wind_that_changes else None
         wind_at = None if self._wind is None else self._wind.at
-        self._gas = build_gas_field(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
-        self._gas_events = GasEvents(scenario, self._gas)
+        self.gas: GasField = build_gas_field(
+            scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at
+        )
+        self._gas_events = GasEvents(scenario, self.gas)
         self._probes = scenario.probes or ()
         self._probes_m = np.array([probe.position_m for probe in self._probes]).reshape(-1, 3)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
-        gas = self._gas
+        self.gases, gas = self.gas.gases, self.gas
         self._gas_ahead = gas if isinstance(gas, FilamentField) and not self._downwash.is_on else None
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
         )
 
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
-
-    @property
-    def gas(self) -> GasField:
-        """The gas as it is now, for scoring and analysis."""
-        return self._gas
-
-    @property
-    def gases(self) -> tuple[str, ...]:
-        """Names of all gases, in the order of the columns of `compute_gas_ppm`."""
-        return self._gas.gases
-
     def compute_gas_ppm(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the (n, n_gases) mixing ratios [ppm by volume] at (n, 3) points in the room, world frame [m]."""
-        if isinstance(self._gas, FilamentField):
-            return self._gas.mixing_ratio_ppm_at(points_world_m, is_indexed=True)
-        return self._gas.mixing_ratio_ppm_at(points_world_m)
+        indexed = {"is_indexed": True} if isinstance(self.gas, FilamentField) else {}
+        return self.gas.mixing_ratio_ppm_at(points_world_m, **indexed)
 
     def compute_wind_m_s(self, points_world_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
         """Return the (n, 3) wind [m/s] at points in the room, world frame [m]; `tick` is that of the last step."""
@@ -177,10 +164,10 @@ class FieldsCore:
         if self._wind is not None:
             self._wind.reset()
         self._beams.close_doors(AT_START)
-        self._gas.reset(gas_seed(self._scenario, episode.seed))
+        self.gas.reset(gas_seed(self._scenario, episode.seed))
         self._gas_events.reset()
         is_short = episode.is_warmup and self._gas_ahead is not None and self._gas_ahead.is_live
-        self._gas.advance(1 if is_short else self._timing.warm_up_steps)
+        self.gas.advance(1 if is_short else self._timing.warm_up_steps)
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -203,30 +190,27 @@ class FieldsCore:
 
     def _close_doors(self, closed: Closed) -> None:
         self._beams.close_doors(closed)
-        if not isinstance(self._gas, FilamentField):
+        if not isinstance(self.gas, FilamentField):
             raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
-        self._gas.close_doors(closed)
+        self.gas.close_doors(closed)
 
     # Jets are those of the tick's end; a filament is first carried by the room's air, then by them.
     def _advance(self, n_steps: int, bodies: BodyPoses) -> None:
-        if not (self._downwash.is_on and isinstance(self._gas, FilamentField)):
-            self._gas.advance(n_steps)
+        if not (self._downwash.is_on and isinstance(self.gas, FilamentField)):
+            self.gas.advance(n_steps)
             return
         jets = self._downwash.compute_jets(bodies)
         for _ in range(n_steps):
-            self._gas.advance(1)
-            self._gas.blow(jets)
+            self.gas.advance(1)
+            self.gas.blow(jets)
 
     def _samples(self, tick: int, bodies: BodyPoses) -> FieldSamples:
         places_m = self._mounts.positions_world_m(bodies)
-        gas_ppm = self._gas.mixing_ratio_ppm_at(places_m).tolist()
+        gas_ppm = self.gas.mixing_ratio_ppm_at(places_m).tolist()
         wind_m_s = self._wind_at(places_m, tick).tolist()
         if not all(math.isfinite(sum(ppm) + sum(wind)) for ppm, wind in zip(gas_ppm, wind_m_s, strict=True)):
             raise ModelError(f"fields: gas or wind at a sensor is not finite in tick {tick}: {gas_ppm}, {wind_m_s}.")
-        amounts = [
-            tuple(_new_amount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
-            for ppm in gas_ppm
-        ]
+        amounts = [self._amounts(ppm) for ppm in gas_ppm]
         samples = [
             _new_sample(
                 agent=mount.agent,
@@ -249,7 +233,7 @@ class FieldsCore:
         samples = (
             ProbeSample(
                 probe=probe.name,
-                gases=tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self.gases, ppm, strict=True)),
+                gases=self._amounts(ppm),
                 wind_world_m_s=(wind[0], wind[1], wind[2]),
             )
             for probe, ppm, wind in zip(self._probes, gas_ppm.tolist(), wind_m_s.tolist(), strict=True)
@@ -262,27 +246,27 @@ class FieldsCore:
         return [self._with_beam(s, *beams[s.agent, s.sensor]) if (s.agent, s.sensor) in beams else s for s in samples]
 
     def _with_beam(self, sample: MountSample, beam_m: float, points_m: NDArray[np.float64]) -> MountSample:
-        n_gases = len(self._gas.gases)
-        means = self._gas.mixing_ratio_ppm_at(points_m).mean(axis=0) if len(points_m) else np.zeros(n_gases)
-        amounts = (
-            GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, means.tolist(), strict=True)
-        )
-        return sample.model_copy(update={"gases": tuple(amounts), "beam_m": beam_m})
+        n_gases = len(self.gas.gases)
+        means = self.gas.mixing_ratio_ppm_at(points_m).mean(axis=0) if len(points_m) else np.zeros(n_gases)
+        return sample.model_copy(update={"gases": self._amounts(means.tolist()), "beam_m": beam_m})
+
+    def _amounts(self, ppm: list[float]) -> tuple[GasAmount, ...]:
+        return tuple(_new_amount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self.gases, ppm, strict=True))
 
     def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
         time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
-        return wind_m_s_at(self._gas, self._environment, places_m, time_s)
+        return wind_m_s_at(self.gas, self._environment, places_m, time_s)
 
     def _cloud(self, tick: int) -> FilamentCloud:
-        filaments = self._gas.filaments
+        filaments = self.gas.filaments
         gas_index = filaments.gas_index[filaments.source_index].astype(np.uint8)
         return FilamentCloud(
             tick=tick,
-            gases=self._gas.gases,
+            gases=self.gas.gases,
             position_world_m=NumericArray.from_array(filaments.position_world_m.astype(np.float32)),
             sigma_m=NumericArray.from_array(filaments.sigma_m.astype(np.float32)),
             gas_index=NumericArray.from_array(gas_index),
-            slices=tuple(self._slice(i) for i in range(len(self._gas.gases))),
+            slices=tuple(self._slice(i) for i in range(len(self.gas.gases))),
         )
 
     def _slice(self, i_gas: int) -> ConcentrationSlice:
@@ -291,9 +275,9 @@ class FieldsCore:
         nx, ny = (max(1, math.ceil(side_m / cell_m - 1e-9)) for side_m in size_m[:2])
         first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
         points = PointGrid(first_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1))
-        ppm = self._gas.mixing_ratio_ppm_on_grid(points, gas=i_gas, cutoff_sigma=SLICE_CUTOFF_SIGMA)
+        ppm = self.gas.mixing_ratio_ppm_on_grid(points, gas=i_gas, cutoff_sigma=SLICE_CUTOFF_SIGMA)
         return ConcentrationSlice(
-            gas=self._gas.gases[i_gas],
+            gas=self.gas.gases[i_gas],
             origin_m=(float(grid.origin_m[0]), float(grid.origin_m[1])),
             cell_m=cell_m,
             height_m=self._slice_height_m,

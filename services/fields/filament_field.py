@@ -110,8 +110,6 @@ class FilamentField:
         """Look at filaments.
 
         Args:
-            source: What moves them.
-            gases: Their gases.
             grid: The room's; filaments are sorted by place in it.
             sight: What is seen of them.
             n_readings_per_step: How many readings a step will be asked for; few do without sorting.
@@ -121,9 +119,9 @@ class FilamentField:
             images: Walls that reflect gas, with certain doors closed; absent: they cut filaments off.
             turbulence: Turbulence in readings of gas and wind; absent: none.
         """
-        self._source = source
+        self.source = source
         self._goes_ahead = source if isinstance(source, SupportsPrefetch) else None
-        self._gases = gases
+        self.gases = gases
         self._grid = grid
         self._sights = {AT_START: sight, **(later_sights or {})}
         self._sight = sight
@@ -137,16 +135,6 @@ class FilamentField:
         self._image = None if images is None else images[AT_START]
 
     @property
-    def gases(self) -> tuple[str, ...]:
-        """Names of the gases."""
-        return self._gases
-
-    @property
-    def source(self) -> FilamentSource:
-        """Plume that moves the filaments."""
-        return self._source
-
-    @property
     def is_live(self) -> bool:
         """True where each step is computed, at any step from the first, whatever happens in the run."""
         return self._goes_ahead is not None
@@ -154,23 +142,23 @@ class FilamentField:
     @property
     def step(self) -> int:
         """Number of steps made."""
-        return self._source.step
+        return self.source.step
 
     @property
     def time_s(self) -> float:
         """Time since the sources opened [s]."""
-        return self._source.time_s
+        return self.source.time_s
 
     @property
     def filaments(self) -> Filaments:
         """The filaments now, rounded to single precision."""
         if self._seen is None:
-            self._seen = round_to_single_precision(self._source.filaments)
+            self._seen = round_to_single_precision(self.source.filaments)
         return self._seen
 
     def reset(self, seed: int) -> None:
         """Return to time 0."""
-        self._source.reset(seed)
+        self.source.reset(seed)
         if self._turbulence is not None:
             self._turbulence.reset(seed)
         self._sight = self._sights[AT_START]
@@ -179,9 +167,9 @@ class FilamentField:
 
     def close_doors(self, closed: Closed) -> None:
         """Let these doors of the room be closed and all others open."""
-        if not isinstance(self._source, SupportsDoors):
+        if not isinstance(self.source, SupportsDoors):
             raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
-        self._source.close_doors(closed)
+        self.source.close_doors(closed)
         self._sight = self._sights.get(closed, self._sights[AT_START])
         if self._images is not None:
             self._image = self._images.get(closed, self._images[AT_START])
@@ -190,12 +178,12 @@ class FilamentField:
     def advance(self, n_steps: int = 1) -> None:
         """Go on by steps."""
         if n_steps > 0:
-            self._source.advance(n_steps)
+            self.source.advance(n_steps)
             self._seen = None
 
     def blow(self, jets: Jets) -> None:
         """Carry filaments down in the jets of vehicles for one step."""
-        self._source.blow(jets)
+        self.source.blow(jets)
         self._seen = None
 
     def prefetch(self) -> bool:
@@ -253,7 +241,7 @@ class FilamentField:
 
     # The last gases may have no source of filaments.
     def _for_all_gases(self, ppm: NDArray[np.float64]) -> NDArray[np.float64]:
-        n_missing = len(self._gases) - ppm.shape[1]
+        n_missing = len(self.gases) - ppm.shape[1]
         return ppm if n_missing <= 0 else np.pad(ppm, ((0, 0), (0, n_missing)))
 
 
@@ -340,15 +328,17 @@ class PrefetchedPlume:
 
     def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
         """Add filaments; see `FilamentPlume.add_filaments`."""
-        if self._frames or self._now is not None:
-            raise ModelError("gas: expected no frame ahead of filaments that are added.")
+        self._check_nothing_ahead("filaments that are added")
         self._plume.add_filaments(position_world_m)
 
     def blow(self, jets: Jets) -> None:
         """Carry filaments down in the jets of vehicles for one step."""
-        if self._frames or self._now is not None:
-            raise ModelError("gas: expected no frame ahead of a jet.")
+        self._check_nothing_ahead("a jet")
         self._plume.blow(jets)
+
+    def _check_nothing_ahead(self, what: str) -> None:
+        if self._frames or self._now is not None:
+            raise ModelError(f"gas: expected no frame ahead of {what}.")
 
     def prefetch(self) -> bool:
         """Prepare one more frame and return true, or return false where enough is prepared."""

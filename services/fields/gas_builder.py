@@ -23,8 +23,6 @@ def build_gas_field(
     """Build the gas of a scenario in its room, whatever its model; it stands at time 0 with the scenario's seed.
 
     Args:
-        scenario: Its `gas`.
-        environment: Its room.
         sight: What is seen of filaments; absent: what the room's walls leave, up to the model's own cut-off.
         n_readings_per_step: How many readings a step will be asked for.
         wind_at: The wind at a time [s] in place of the room's, where a service changes it.

@@ -102,7 +102,6 @@ def wind_m_s_at(
 
     Args:
         gas: It stands at the time that is asked for.
-        environment: The room.
         points_world_m: (n, 3) points, world frame [m].
         time_s: Time since the sources opened [s].
 

@@ -1,5 +1,9 @@
 # pyright: basic
-"""Mixing ratio that filaments add up to at points and on grids, with walls that hide them."""
+"""Mixing ratio that filaments add up to at points and on grids, with walls that hide them.
+
+Arguments of several functions: `points_world_m` (m, 3) points, world frame, xyz [m]; `walls` those that hide gas,
+`WallCells`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -90,13 +94,8 @@ def is_box_of_air(walls, x0, x1, y0, y1, z0, z1):
     """Return whether no cell that touches a box is solid; outside the grid nothing is.
 
     Args:
-        walls: `WallCells`.
-        x0: Least x of the box, world frame [m]; y0 and z0 likewise.
-        x1: Greatest x of the box, world frame [m], finite; y1 and z1 likewise.
-        y0: See x0.
-        y1: See x1.
-        z0: See x0.
-        z1: See x1.
+        x0, y0, z0: Least corner of the box, world frame [m].
+        x1, y1, z1: Greatest corner of it, finite.
 
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py
@@ -116,13 +115,8 @@ def is_visible(walls, ax, ay, az, bx, by, bz):
     The same answer as `environment.sight_kernels.is_line_of_sight_free`, several times faster in open rooms.
 
     Args:
-        walls: `WallCells`.
-        ax: First point, world frame [m].
-        ay: First point, world frame [m].
-        az: First point, world frame [m].
-        bx: Second point, world frame [m].
-        by: Second point, world frame [m].
-        bz: Second point, world frame [m].
+        ax, ay, az: First point, world frame [m].
+        bx, by, bz: Second point, world frame [m].
 
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py (equals the plain traversal)
@@ -154,10 +148,7 @@ def add_adjusted_filaments_inplace(
     It is set into its callers when they are compiled: to hand the tuples on costs several times the sum.
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
         adjust_share: Compiled function of a share [ppm], `surroundings`, the point, the filament's centre and its
             standard deviation; it returns the share that counts.
@@ -196,10 +187,7 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
     [ppm] = [ppm m3] / [m3]; the exponent is dimensionless. The integral over all space is S (up to the cut-off).
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`; its gases are columns of the result.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Source:
@@ -259,7 +247,6 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
     Args:
         filaments: `FilamentArrays`.
         gas: Which gas to sum.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         first_point_m: (3,) the point with index (0, 0, 0), world frame [m].
         spacing_m: Distance of neighbouring points, equal along all axes [m].
         mixing_ratio_ppm: (nx, ny, nz) mixing ratio [ppm by volume], index order ij; added to. A slice has nz = 1.
@@ -363,25 +350,23 @@ def build_wall_cells(walls: Walls | None) -> WallCells:
     )
 
 
-def build_filament_arrays(filaments: Filaments, air_mol_m3: float | None = None) -> FilamentArrays:
+def build_filament_arrays(filaments: Filaments) -> FilamentArrays:
     """Return filaments as kernels take them; see `strength_ppm_m3`."""
     return FilamentArrays(
         position_world_m=filaments.position_world_m,
         sigma_m=filaments.sigma_m,
         source_index=filaments.source_index,
-        strength_ppm_m3=strength_ppm_m3(filaments.amount_mol, air_mol_m3),
+        strength_ppm_m3=strength_ppm_m3(filaments.amount_mol),
         gas_index=filaments.gas_index,
     )
 
 
-def strength_ppm_m3(amount_mol: NDArray[np.float64], air_mol_m3: float | None = None) -> NDArray[np.float64]:
-    """Return the volume that a filament's gas takes when pure, in millionths: S = 1e6 N / n_air [ppm m3].
+def strength_ppm_m3(amount_mol: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the volume that (n,) filaments' gas [mol] takes when pure, in millionths: S = 1e6 N / n_air [ppm m3].
 
-    Args:
-        amount_mol: (n,) moles of gas.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
+    n_air is that of air at 298 K and 1 atm.
     """
-    return amount_mol * (1e6 / (air_density_mol_m3() if air_mol_m3 is None else air_mol_m3))
+    return amount_mol * (1e6 / air_density_mol_m3())
 
 
 def mixing_ratio_ppm_at(
@@ -390,16 +375,12 @@ def mixing_ratio_ppm_at(
     *,
     walls: Walls | None = None,
     cutoff_sigma: float = CUTOFF_SIGMA,
-    air_mol_m3: float | None = None,
 ) -> NDArray[np.float64]:
     """Return the mixing ratio of each gas at points, summed over the filaments.
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: What to sum.
         walls: Hide the gas behind walls; absent: gas passes walls in the reading.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
@@ -408,7 +389,7 @@ def mixing_ratio_ppm_at(
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
     add_filaments_at_points_inplace(
         points,
-        build_filament_arrays(filaments, air_mol_m3),
+        build_filament_arrays(filaments),
         float(cutoff_sigma),
         build_wall_cells(walls),
         mixing_ratio_ppm,
@@ -424,7 +405,6 @@ def mixing_ratio_ppm_on_grid(
     shape: tuple[int, int, int],
     gas: int = 0,
     cutoff_sigma: float = CUTOFF_SIGMA,
-    air_mol_m3: float | None = None,
 ) -> NDArray[np.float64]:
     """Return the mixing ratio of one gas on a regular grid of points; gas passes walls.
 
@@ -434,15 +414,13 @@ def mixing_ratio_ppm_on_grid(
         spacing_m: Distance of neighbouring points [m].
         shape: Number of points along x, y, z; a horizontal slice has one along z.
         gas: Which gas.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Returns:
         (nx, ny, nz) mixing ratio [ppm by volume], index order ij.
     """
     mixing_ratio_ppm = np.zeros(shape)
     add_filaments_to_grid_inplace(
-        build_filament_arrays(filaments, air_mol_m3),
+        build_filament_arrays(filaments),
         gas,
         float(cutoff_sigma),
         to_float3(first_point_m),

@@ -72,12 +72,8 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
         occupancy: (nx, ny, nz) uint8, 1 is solid; index order ij.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        x: Point, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
-        dx: Direction, world frame, of length 1; dy and dz likewise.
-        dy: See dx.
-        dz: See dx.
+        x, y, z: Point, world frame [m].
+        dx, dy, dz: Direction, world frame, of length 1.
 
     Source:
         Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing, Eurographics, section 2.

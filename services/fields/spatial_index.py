@@ -292,17 +292,12 @@ class FilamentIndex:
         self._n_gases = 1
         self._rows = _allocate_rows(1024)
 
-    def build(self, filaments: Filaments, *, air_mol_m3: float | None = None) -> None:
-        """Sort the filaments of one instant.
-
-        Args:
-            filaments: What readings sum; copied.
-            air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
-        """
+    def build(self, filaments: Filaments) -> None:
+        """Sort a copy of the filaments of one instant, which readings then sum."""
         if len(filaments.sigma_m) > len(self._rows.key):
             self._rows = _allocate_rows(2 * len(filaments.sigma_m))
         self._n_gases = filaments.n_gases
-        sort_into_blocks_inplace(build_filament_arrays(filaments, air_mol_m3), self._blocks, self._rows)
+        sort_into_blocks_inplace(build_filament_arrays(filaments), self._blocks, self._rows)
 
     @property
     def tables(self) -> tuple[Blocks, SortedFilaments]:

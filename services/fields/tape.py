@@ -100,7 +100,6 @@ class GasTape:
         """Open a tape.
 
         Args:
-            folder: Where it is.
             is_new: Whether this process has just recorded it: then its content is not compared with its checksums.
         """
         try:
@@ -154,7 +153,6 @@ def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> N
     Several processes may record the same tape at the same time: the first to finish keeps its folder.
 
     Args:
-        plume: What to record.
         schedule: At which steps.
         folder: Where; its parents are made.
     """
@@ -174,28 +172,18 @@ def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> N
 class CachedPlume:
     """Plume cached on tape, recorded first where there is none yet; see `FilamentSource`."""
 
-    def __init__(
-        self,
-        plume_of: Callable[[int], FilamentPlume],
-        scenario: Scenario,
-        environment: Environment,
-        *,
-        tapes_dir: Path | None = None,
-    ) -> None:
+    def __init__(self, plume_of: Callable[[int], FilamentPlume], scenario: Scenario, environment: Environment) -> None:
         """Prepare to play.
 
         Args:
             plume_of: Builds the live plume of a seed, at time 0.
-            scenario: Whose gas.
-            environment: Its room.
-            tapes_dir: Where tapes are kept; `tapes` in gslcosim's cache if absent.
         """
         self._plume_of = plume_of
         self._scenario = scenario
         self._environment = environment
         self._schedule = TapeSchedule.of(scenario)
         self._step_s = gas_timing(scenario).step_s
-        self._tapes_dir = tapes_dir or get_cache_root() / "tapes"
+        self._tapes_dir = get_cache_root() / "tapes"
         live = plume_of(scenario.seed).filaments
         self._amount_mol, self._gas_index = live.amount_mol, live.gas_index
         # The tape of a seed; none before the first reset.

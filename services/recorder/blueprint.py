@@ -18,37 +18,12 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.scenario.models.sensors import DepthCameraSpec
 from gslcosim_services.recorder import colors
+from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, build_entities, get_unit, label_with_unit, list_gas_names
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELINE
 from gslcosim_services.recorder.scene import floor_grid_m
-from gslcosim_services.recorder.stream_table import (
-    BELIEF,
-    BELIEF_MASS,
-    DECISION_TIME,
-    DISTANCE,
-    FILAMENTS,
-    LEGEND,
-    LOGS,
-    MARKS,
-    MIXING_RATIO,
-    NOTE_MODE,
-    NOTE_VALUES,
-    PICTURES,
-    PLANNED_PATH,
-    POINT_CLOUDS,
-    RADIO,
-    RESPONSE,
-    SERVICES,
-    SLICES,
-    SUMMARY,
-    TRACK_LINE,
-    TRACKING_ERROR,
-    WAYPOINTS,
-    WIND_ARROWS,
-    WIND_SPEED,
-    Stream,
-)
+from gslcosim_services.recorder.stream_table import Stream
 
 # Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
 CAMERA_AZIMUTH_RAD = math.radians(-114.0)
@@ -96,7 +71,6 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
 
     Args:
-        environment: The room.
         height_m: Where the layer is [m].
         n_views: How many maps stand side by side; each is as much narrower.
     """
@@ -248,8 +222,10 @@ _ACRONYMS = ("tgs", "pid", "tdlas")
 
 def build_note_views() -> rrb.Tabs:
     """Return what methods note of their state: the lanes of their modes, and behind them their numbers as curves."""
-    modes = rrb.StateTimelineView(origin=f"/{NOTE_MODE.root}", name=NOTE_MODE.title)
-    return rrb.Tabs(modes, _plot(NOTE_VALUES.root, NOTE_VALUES.title, MAX_CURVES_WITH_LEGEND), active_tab=0)
+    modes = rrb.StateTimelineView(origin=f"/{streams.NOTE_MODE.root}", name=streams.NOTE_MODE.title)
+    return rrb.Tabs(
+        modes, _plot(streams.NOTE_VALUES.root, streams.NOTE_VALUES.title, MAX_CURVES_WITH_LEGEND), active_tab=0
+    )
 
 
 def build_run_plots(
@@ -262,22 +238,19 @@ def build_run_plots(
         gases = list_gas_names(scenario)
         what = gases[0] if len(gases) == 1 else "gas"
         n_curves = len(gases) * sum(len(agent.gas_sensors) for agent in agents)
-        plots.append(
-            _plot(
-                MIXING_RATIO.root, f"True {what} at the sensor [ppm]", _has_one_color(n_curves, agents), _LEGEND_OF_GAS
-            )
-        )
+        n_curves = _has_one_color(n_curves, agents)
+        plots.append(_plot(streams.MIXING_RATIO.root, f"True {what} at the sensor [ppm]", n_curves, _LEGEND_OF_GAS))
         plots.append(_group(responses))
     if any(agent.wind_sensors for agent in agents):
         # Without a legend: what is measured is noisy everywhere.
-        plots.append(_plot(WIND_SPEED.root, f"{_titled(WIND_SPEED)}, true in grey", 0))
+        plots.append(_plot(streams.WIND_SPEED.root, f"{_titled(streams.WIND_SPEED)}, true in grey", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
     behind = [
-        _plot(TRACKING_ERROR.root, _titled(TRACKING_ERROR), 0),
-        _plot(DECISION_TIME.root, _titled(DECISION_TIME), 0),
+        _plot(streams.TRACKING_ERROR.root, _titled(streams.TRACKING_ERROR), 0),
+        _plot(streams.DECISION_TIME.root, _titled(streams.DECISION_TIME), 0),
     ]
     if scenario.has_driven_wind or scenario.curve_ports:
-        plots.append(_plot(SERVICES.root, _titled(SERVICES), MAX_CURVES_WITH_LEGEND))
+        plots.append(_plot(streams.SERVICES.root, _titled(streams.SERVICES), MAX_CURVES_WITH_LEGEND))
     if any(agent.cameras for agent in agents):
         # Pictures take the room of a plot.
         return [*plots, _group([distance, *belief, *behind])]
@@ -295,14 +268,14 @@ def _group(plots: Sequence[rrb.TimeSeriesView]) -> rrb.TimeSeriesView | rrb.Tabs
 
 def _distance_plot(agents: Sequence[AgentEntities], believing: Sequence[AgentEntities]) -> rrb.TimeSeriesView:
     pale = ", by belief in pale" if believing else ""
-    return _plot(DISTANCE.root, f"{_titled(DISTANCE)}{pale}", len(agents), _LEGEND_OF_FALLING)
+    return _plot(streams.DISTANCE.root, f"{_titled(streams.DISTANCE)}{pale}", len(agents), _LEGEND_OF_FALLING)
 
 
 def _belief_plots(scenario: Scenario, believing: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
     if not believing:
         return []
     name = f"Belief within {scenario.referee.success.within_m:g} m of the source [1]"
-    return [_plot(BELIEF_MASS.root, name, len(believing), _LEGEND_OF_GAS)]
+    return [_plot(streams.BELIEF_MASS.root, name, len(believing), _LEGEND_OF_GAS)]
 
 
 # Several vehicles with one curve each have their colours, which the legend of the distances tells.
@@ -314,7 +287,7 @@ def build_camera_views(agents: Sequence[AgentEntities], *, with_agent: bool) -> 
     """Return a view for each camera, named after it, and after its agent where asked."""
     return [
         rrb.Spatial2DView(
-            origin=f"/{agent.at(PICTURES, sensor=camera.name)}",
+            origin=f"/{agent.at(streams.PICTURES, sensor=camera.name)}",
             name=f"{agent.agent.name}: {_shown_camera(camera)}" if with_agent else _shown_camera(camera),
         )
         for agent in agents
@@ -355,7 +328,7 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
     for agent in agents:
         for sensor in agent.gas_sensors:
             members.setdefault(get_unit(sensor, scenario), []).append(
-                (sensor.model, agent.at(RESPONSE, sensor=sensor.name))
+                (sensor.model, agent.at(streams.RESPONSE, sensor=sensor.name))
             )
     plots = []
     for unit, drawn in members.items():
@@ -364,7 +337,7 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
         contents = [f"+ /{entity}" for _, entity in drawn]
         corner = _LEGEND_OF_FALLING if unit == _FALLING_UNIT else _LEGEND_OF_GAS
         n_curves = _has_one_color(len(drawn), agents)
-        plots.append(_plot(RESPONSE.root, title, n_curves, corner, contents=contents))
+        plots.append(_plot(streams.RESPONSE.root, title, n_curves, corner, contents=contents))
     return plots
 
 
@@ -403,10 +376,10 @@ CAMERA_WEIGHT = 1.6
 # The map shows one gas at its height, and nothing that would hide it.
 _NOT_ON_MAP = (
     "+ /**",
-    f"- /{FILAMENTS.root}",
-    f"- /{SLICES.root}/**",
-    f"- /{POINT_CLOUDS.root}/**",
-    f"- /{BELIEF.root}/**",
+    f"- /{streams.FILAMENTS.root}",
+    f"- /{streams.SLICES.root}/**",
+    f"- /{streams.POINT_CLOUDS.root}/**",
+    f"- /{streams.BELIEF.root}/**",
     "- /room/**",
     "- /plots/**",
 )
@@ -421,8 +394,6 @@ def default_blueprint(
     Panels are folded away and the time cursor stands at the end of the run, where the whole track is seen.
 
     Args:
-        scenario: What is run.
-        environment: The room.
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
         has_notes: Whether methods note their state, which has a lane for each mode and curves.
     """
@@ -448,8 +419,10 @@ def _run_page(
     has_notes: bool,
 ) -> rrb.Horizontal:
     # Behind tabs, so that each has room for some lines on a small screen.
-    logs = [_log_view(stream) for stream in LOGS if stream is not RADIO or scenario.channels]
-    documents = [rrb.TextDocumentView(origin=stream.entity, name=stream.title) for stream in (SUMMARY, LEGEND)]
+    logs = [_log_view(stream) for stream in streams.LOGS if stream is not streams.RADIO or scenario.channels]
+    documents = [
+        rrb.TextDocumentView(origin=stream.entity, name=stream.title) for stream in (streams.SUMMARY, streams.LEGEND)
+    ]
     texts = [rrb.Tabs(*documents, active_tab=0), rrb.Tabs(*logs, active_tab=0)]
     believing = [agent for agent in agents if agent.agent.name in believers]
     n_maps = 2 if believing else 1
@@ -479,55 +452,37 @@ def _log_view(stream: Stream) -> rrb.TextLogView:
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Spatial3DView:
-    eye_m, target_m = fit_room_camera(environment)
-    return rrb.Spatial3DView(
-        origin="/",
-        name=f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)",
-        contents=["+ /**", "- /map/**", f"- /{SLICES.root}/**", f"- /{BELIEF.root}/**", "- /plots/**"],
-        background=colors.BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=(0.0, 0.0, 1.0)
-        ),
-        overrides=_histories(agents),
+    name = f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)"
+    contents = ["+ /**", "- /map/**", f"- /{streams.SLICES.root}/**", f"- /{streams.BELIEF.root}/**", "- /plots/**"]
+    return build_space_view(
+        name, fit_room_camera(environment), (0.0, 0.0, 1.0), contents=contents, overrides=_histories(agents)
     )
 
 
 def _map_view(
     scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], n_maps: int
 ) -> rrb.Spatial3DView:
-    height_m = scenario.slice_height_m
-    scale = GasScale.of(scenario)
-    eye_m, target_m = fit_map_camera(environment, height_m, n_views=n_maps)
-    return rrb.Spatial3DView(
-        origin="/",
-        name=f"{scenario.gas.gas} at {height_m:.3g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
-        contents=[*_NOT_ON_MAP, f"+ /{SLICES.at(gas=scenario.gas.gas)}"],
-        background=colors.BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=eye_m,
-            look_target=target_m,
-            eye_up=(0.0, 1.0, 0.0),
-        ),
-        overrides=_histories(agents),
-    )
+    height_m, scale = scenario.slice_height_m, GasScale.of(scenario)
+    name = f"{scenario.gas.gas} at {height_m:.3g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind"
+    contents = [*_NOT_ON_MAP, f"+ /{streams.SLICES.at(gas=scenario.gas.gas)}"]
+    camera = fit_map_camera(environment, height_m, n_views=n_maps)
+    return build_space_view(name, camera, (0.0, 1.0, 0.0), contents=contents, overrides=_histories(agents))
 
 
 def _belief_view(environment: Environment, agents: Sequence[AgentEntities], agent: AgentEntities) -> rrb.Spatial3DView:
-    eye_m, target_m = fit_map_camera(environment, agent.agent.vehicle.search_height_m, n_views=2)
-    return rrb.Spatial3DView(
-        origin="/",
-        name=f"Belief of {agent.agent.name}",
-        contents=[*_NOT_ON_MAP, "- /map/scale/**", f"- /{WIND_ARROWS.entity}", f"+ /{agent.at(BELIEF)}"],
-        background=colors.BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=(0.0, 1.0, 0.0)
-        ),
-        overrides=_histories(agents),
-    )
+    no_wind, belief = f"- /{streams.WIND_ARROWS.entity}", f"+ /{agent.at(streams.BELIEF)}"
+    contents = [*_NOT_ON_MAP, "- /map/scale/**", no_wind, belief]
+    camera = fit_map_camera(environment, agent.agent.vehicle.search_height_m, n_views=2)
+    name = f"Belief of {agent.agent.name}"
+    return build_space_view(name, camera, (0.0, 1.0, 0.0), contents=contents, overrides=_histories(agents))
+
+
+def build_space_view(name: str, camera: tuple[Vec3, Vec3], up: Vec3, **options: Any) -> rrb.Spatial3DView:
+    """Return a view in space from an eye to a target [m], with further options of `rrb.Spatial3DView`."""
+    eye_m, target_m = camera
+    eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=up)
+    view = {"name": name, "background": colors.BACKGROUND, "line_grid": False, "eye_controls": eye}
+    return rrb.Spatial3DView(origin="/", **view, **options)
 
 
 # Tracks, plans, waypoints and markers stay: all rows up to the cursor are drawn, not only the last.
@@ -540,5 +495,5 @@ def _histories(agents: Sequence[AgentEntities]) -> dict[Any, Any]:
             for timeline in (TIME_TIMELINE, TICK_TIMELINE)
         ]
     )
-    kept = (TRACK_LINE, PLANNED_PATH, WAYPOINTS, MARKS)
+    kept = (streams.TRACK_LINE, streams.PLANNED_PATH, streams.WAYPOINTS, streams.MARKS)
     return {agent.at(stream): [history] for agent in agents for stream in kept}

@@ -87,10 +87,16 @@ class GasScale:
 
 def gas_colors() -> NDArray[np.uint8]:
     """Return the (256, 3) colours of the levels, red green blue."""
-    anchors = np.array(_GAS_ANCHORS, dtype=np.float64)
+    return np.rint(_interpolate(_GAS_ANCHORS)).astype(np.uint8)
+
+
+def _interpolate(anchors: tuple[Rgb, ...]) -> NDArray[np.float64]:
     at = np.linspace(0, len(anchors) - 1, N_LEVELS)
-    channels = [np.interp(at, np.arange(len(anchors)), anchors[:, i]) for i in range(3)]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+    return np.column_stack([np.interp(at, np.arange(len(anchors)), channel) for channel in zip(*anchors, strict=True)])
+
+
+def _with_opacity(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])
 
 
 # Dark teal over turquoise to white: no colour of the gas.
@@ -99,14 +105,10 @@ _BELIEF_ANCHORS = ((33, 37, 45), (20, 78, 99), (28, 140, 140), (110, 205, 160), 
 
 def belief_colors() -> NDArray[np.uint8]:
     """Return the (256, 4) colours of a belief: the floor's where there is none, white in the most probable cell."""
-    anchors = np.array(_BELIEF_ANCHORS, dtype=np.float64)
-    at = np.linspace(0, len(anchors) - 1, N_LEVELS)
-    rgb = np.column_stack([np.interp(at, np.arange(len(anchors)), anchors[:, i]) for i in range(3)])
-    return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])
+    return _with_opacity(_interpolate(_BELIEF_ANCHORS))
 
 
 def slice_colors() -> NDArray[np.uint8]:
     """Return the (256, 4) colours of a slice: the floor's where there is no gas, blending into the scale's."""
     share = np.clip(np.arange(N_LEVELS) / (N_LEVELS / 4), 0, 1)[:, None]
-    rgb = np.array(MAP_FLOOR) * (1 - share) + gas_colors() * share
-    return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])
+    return _with_opacity(np.array(MAP_FLOOR) * (1 - share) + gas_colors() * share)

@@ -8,7 +8,7 @@ from gslcosim.base.errors import RecordingError
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder.service import recorder_spec
@@ -31,14 +31,12 @@ class RecorderCore:
     Raises RecordingError when the file cannot be written; the runtime then stops the run.
     """
 
-    def __init__(self, scenario: Scenario, environment: Environment, path: Path, *, run_id: str | None = None) -> None:
+    def __init__(self, scenario: Scenario, environment: Environment, path: Path) -> None:
         """Prepare a recording.
 
         Args:
-            scenario: What is run.
-            environment: Where.
-            path: The file to write; an existing one is replaced at `reset`.
-            run_id: The recording's identity in the viewer; by default the name of the file's folder.
+            path: The file to write; an existing one is replaced at `reset`. The name of its folder is the recording's
+                identity in the viewer.
         """
         self._scenario = scenario
         self._environment = environment
@@ -46,14 +44,9 @@ class RecorderCore:
         self._first_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns)
         to_s = scenario.recording.to_s
         self._last_tick = sys.maxsize if to_s is None else ticks_from_seconds(to_s, scenario.tick_ns)
-        self._run_id = run_id or path.resolve().parent.name
-        self._spec = recorder_spec(scenario)
+        self._run_id = path.resolve().parent.name
+        self.spec = recorder_spec(scenario)
         self._recording: RunRecording | None = None
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Open the file and draw what stands still."""

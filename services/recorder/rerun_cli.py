@@ -104,9 +104,6 @@ def repair_recording(path: Path) -> bool:
     A recorder that was killed leaves a file without footer, and perhaps with half a chunk at its end. What can be read
     is written to a new file beside the old one, which replaces it at once; whatever goes wrong, the old file stays.
 
-    Args:
-        path: The recording.
-
     Returns:
         True if the file was repaired, false if it was whole.
     """

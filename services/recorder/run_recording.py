@@ -25,12 +25,13 @@ from gslcosim.contract.participant import Inbox
 from gslcosim.environment.model import Environment
 from gslcosim.runtime.run_dir import read_machine_notes
 from gslcosim.scenario import Scenario
+from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, summary_text
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
 from gslcosim_services.recorder.recording_file import RecordingFile
-from gslcosim_services.recorder.rows.agents import AgentRows
-from gslcosim_services.recorder.rows.columns import FilamentRows, Rows, SliceRows, TextRows, split_columns
+from gslcosim_services.recorder.rows.agents import AgentRows, AnemometerRows, NoteRows
+from gslcosim_services.recorder.rows.columns import FilamentRows, Marker, Rows, SliceRows, TextRows, split_columns
 from gslcosim_services.recorder.rows.events import (
     AllDoorRows,
     ContactRows,
@@ -40,17 +41,6 @@ from gslcosim_services.recorder.rows.events import (
     WindRows,
 )
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
-from gslcosim_services.recorder.stream_table import (
-    CONTACTS,
-    EVENTS,
-    FAULTS,
-    FILAMENTS,
-    LEGEND,
-    RADIO,
-    SLICES,
-    SUMMARY,
-    WIND_ARROWS,
-)
 
 # What of the referee's events is marked in the room where it happened; all of them are in its log.
 FIRST_GAS = "first gas"
@@ -62,7 +52,10 @@ BATCH_TICKS = 64
 
 
 class RunRecording:
-    """Recording of one run: static things are drawn at once, moving ones noted tick by tick and written with `send`."""
+    """Recording of one run: static things are drawn at once, moving ones noted tick by tick and written with `send`.
+
+    `is_over` is true once the verdict has come; later messages are not recorded.
+    """
 
     def __init__(
         self, file: RecordingFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer, folder: Path
@@ -71,8 +64,6 @@ class RunRecording:
 
         Args:
             file: An empty file; it belongs to this object from now on.
-            scenario: What is run.
-            environment: Where.
             wind_layer: The environment's wind at the slice's height.
             folder: Where the machine's notes of the run are, if there are any.
         """
@@ -80,25 +71,25 @@ class RunRecording:
         self._scenario = scenario
         self._environment = environment
         self._folder = folder
-        self._is_over = False
+        self.is_over = False
         self._waiting: list[tuple[int, Inbox]] = []
         gases, tick_ns = list_gas_names(scenario), scenario.tick_ns
         self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in build_entities(scenario)}
-        self._filaments = FilamentRows(FILAMENTS.entity, scenario)
+        self._filaments = FilamentRows(streams.FILAMENTS.entity, scenario)
         self._slices: dict[str, SliceRows] = {}
         self._doors = AllDoorRows(scenario, environment)
         later = {
             variant: WindLayer(room, scenario.slice_height_m, like=wind_layer)
             for variant, room in environment.later_rooms.items()
         }
-        self._wind = WindRows(WIND_ARROWS.entity, wind_layer, later)
+        self._wind = WindRows(streams.WIND_ARROWS.entity, wind_layer, later)
         # Without events and with one wind, nothing of the room ever changes.
         self._is_still = wind_layer.is_steady and not scenario.events
-        self._events = TextRows(EVENTS.entity)
-        self._contact_log = TextRows(CONTACTS.entity)
+        self._events = TextRows(streams.EVENTS.entity)
+        self._contact_log = TextRows(streams.CONTACTS.entity)
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
-        self._radio = TextRows(RADIO.entity)
-        self._faults = TextRows(FAULTS.entity)
+        self._radio = TextRows(streams.RADIO.entity)
+        self._faults = TextRows(streams.FAULTS.entity)
         self._sandboxes: Mapping[str, str] = {}
         self._services = ServiceRows(scenario)
         self._event_marks = EventMarkRows(scenario, self._agents)
@@ -108,11 +99,6 @@ class RunRecording:
         self._bodies: tuple[BodyState, ...] = ()
         self._touching: set[str] = set()
         self._draw_scene()
-
-    @property
-    def is_over(self) -> bool:
-        """True once the verdict has come; later messages are not recorded."""
-        return self._is_over
 
     def note(self, tick: int, inbox: Inbox) -> None:
         """Take note of everything of a tick but the verdict."""
@@ -132,7 +118,7 @@ class RunRecording:
         if not self._is_still:
             self._doors.add(tick, inbox)
             time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
-            self._wind.add(tick, time_s, self._doors.room.variant)
+            self._wind.add_wind(tick, time_s, self._doors.room.variant)
         bodies = cast(BodyPoses | None, inbox.get(keys.BODIES))
         if bodies is not None:
             self._bodies = bodies.bodies
@@ -171,12 +157,11 @@ class RunRecording:
 
     def end(self, verdict: Verdict) -> None:
         """Send what waits and write how the run ended."""
-        self._is_over = True
+        self.is_over = True
         self._take()
         time_s = seconds_from_ticks(verdict.tick, self._scenario.tick_ns)
-        self._events.add(
-            verdict.tick, f"the run ends after {time_s:g} s: {verdict.end_reason.replace('_', ' ')}", "INFO"
-        )
+        text = f"the run ends after {time_s:g} s: {verdict.end_reason.replace('_', ' ')}"
+        self._events.add(verdict.tick, (text, "INFO"))
         self._note_machine(verdict.tick)
         self._send_with_last_strips()
         self._write_summary(tick=verdict.tick, verdict=verdict)
@@ -186,7 +171,7 @@ class RunRecording:
         """Send the rows that wait."""
         self._take()
         logs = (self._events, self._contact_log, self._radio, self._faults)
-        rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
+        rows: list[Rows[Any] | AnemometerRows | NoteRows] = [self._filaments, self._wind, *logs, *self._slices.values()]
         rows += [*self._services.all(), *self._event_marks.all(), *self._doors.all()]
         for agent in self._agents.values():
             rows += agent.all()
@@ -196,7 +181,7 @@ class RunRecording:
     def close(self) -> None:
         """Send what waits, write the file's footer and release it."""
         try:
-            if not self._is_over:
+            if not self.is_over:
                 self._note_machine(sys.maxsize)
             self._send_with_last_strips()
         finally:
@@ -211,7 +196,7 @@ class RunRecording:
                     agent.decision.add(tick, taken_ms)
         for tick, participant, text in notes.faults:
             if tick <= last_tick:
-                self._faults.add(tick, f"{participant}: {text}", "WARN")
+                self._faults.add(tick, (f"{participant}: {text}", "WARN"))
 
     def _send_with_last_strips(self) -> None:
         self._take()
@@ -228,7 +213,9 @@ class RunRecording:
         self._wind.draw(self._file)
         for name, agent in self._agents.items():
             agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
-        self._file.draw(LEGEND.entity, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))
+        self._file.draw(
+            streams.LEGEND.entity, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN)
+        )
         self._write_summary(tick=0, verdict=None)
         self._file.flush()
 
@@ -273,7 +260,7 @@ class RunRecording:
 
     def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
         for sent in traffic.transmissions if traffic else ():
-            self._radio.add(tick, format_transmission(sent), "WARN" if sent.refusal else "INFO")
+            self._radio.add(tick, (format_transmission(sent), "WARN" if sent.refusal else "INFO"))
 
     def _note_events(self, tick: int, score: Score | None) -> None:
         if score is None or not score.events:
@@ -282,12 +269,12 @@ class RunRecording:
         for event in score.events:
             level = "WARN" if event.kind in WARNING_EVENTS else "INFO"
             agent = self._agents.get(event.agent) if event.agent is not None else None
-            self._events.add(tick, f"{event.agent}: {event.text}" if agent else event.text, level)
+            self._events.add(tick, (f"{event.agent}: {event.text}" if agent else event.text, level))
             label = MARKED_EVENTS.get(event.kind)
             if agent is not None and label is not None:
                 # Those of several vehicles would cover each other.
                 is_shown = len(self._agents) == 1
-                agent.markers.add(tick, agent.position_m, label, agent.names.color, is_shown=is_shown)
+                agent.markers.add(tick, Marker(agent.position_m, label, agent.names.color, is_shown))
 
     def _contact_notes(self, name: str, agent: AgentRows) -> ContactRows:
         floors = [box.name for box in self._environment.boxes if box.kind == "floor"]
@@ -295,13 +282,13 @@ class RunRecording:
 
     def _slice_rows(self, gas: str) -> SliceRows:
         if gas not in self._slices:
-            self._slices[gas] = SliceRows(SLICES.at(gas=gas), GasScale.of(self._scenario))
+            self._slices[gas] = SliceRows(streams.SLICES.at(gas=gas), GasScale.of(self._scenario))
         return self._slices[gas]
 
     def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
         text = summary_text(self._scenario, self._environment, verdict, self._sandboxes)
         columns = rr.TextDocument.columns(text=[text], media_type=[rr.components.MediaType.MARKDOWN])
-        self._file.send(SUMMARY.entity, [tick], columns)
+        self._file.send(streams.SUMMARY.entity, [tick], columns)
 
 
 def _list_messages(waiting: Sequence[tuple[int, Inbox]], port: str) -> tuple[list[int], list[Any]]:

@@ -6,7 +6,8 @@ they are: in a room of fifteen metres they would be lost in the picture.
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import rerun as rr
@@ -133,7 +134,7 @@ def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, hei
     picture = np.repeat(np.arange(colors.N_LEVELS, dtype=np.uint8)[::-1], n_columns)
     bar = rr.GridMap(
         data=picture.tobytes(),
-        format=level_format(n_columns, colors.N_LEVELS),
+        format=image_format(n_columns, colors.N_LEVELS),
         colormap=GAS_COLORMAP,
         cell_size=cell_m,
         translation=(right_m - width_m, y0, drawn_m),
@@ -152,14 +153,9 @@ def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, hei
     )
 
 
-def level_format(width: int, height: int) -> rr.components.ImageFormat:
-    """Return the format of a picture of this many levels of gas, a byte each, which `GAS_COLORMAP` colours."""
-    return rr.components.ImageFormat(width=width, height=height, color_model="L", channel_datatype="U8")
-
-
-def picture_format(width: int, height: int) -> rr.components.ImageFormat:
-    """Return the format of an RGBA picture of this many cells."""
-    return rr.components.ImageFormat(width=width, height=height, color_model="RGBA", channel_datatype="U8")
+def image_format(width: int, height: int, *, color_model: Literal["L", "RGBA"] = "L") -> rr.components.ImageFormat:
+    """Return the format of a picture of this many cells: levels of gas, which `GAS_COLORMAP` colours, or RGBA."""
+    return rr.components.ImageFormat(width=width, height=height, color_model=color_model, channel_datatype="U8")
 
 
 def floor_grid_m(environment: Environment) -> float:
@@ -293,95 +289,76 @@ WHITE: Rgb = (255, 255, 255)
 BLACK: Rgb = (35, 35, 38)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MultirotorShape:
-    """A hull with arms and rotors."""
-
-    rotors: RotorParameters
-    drawing: RotorDrawing
-
-    def draw(self, file: RecordingFile, entity: str, color: Rgb) -> None:
-        """Draw arms from the hull to discs, the front ones white, and the hull."""
-        scale = self.drawing.scale
-        centres_m = [(scale * x, scale * y, scale * z) for x, y, z in self.rotors.rotor_places_m]
-        radius_m = scale * self.rotors.rotor_radius_m
-        arms = [[(0.0, 0.0, 0.0), centre] for centre in centres_m]
-        file.draw(f"{entity}/arms", rr.LineStrips3D(arms, radii=[0.12 * radius_m], colors=[color]))
-        rotors = rr.Ellipsoids3D(
-            centers=centres_m,
-            half_sizes=[(radius_m, radius_m, 0.08 * radius_m)] * len(centres_m),
-            colors=[WHITE if x > 0 else color for x, _, _ in centres_m],
-            fill_mode=SOLID,
-        )
-        file.draw(f"{entity}/rotors", rotors)
-        hull_m = tuple(scale * size for size in self.drawing.hull_half_m)
-        file.draw(f"{entity}/hull", rr.Boxes3D(half_sizes=[hull_m], colors=[color], fill_mode=SOLID))
-
-
-@dataclass(frozen=True, kw_only=True)
-class BallShape:
-    """A ball with a nose."""
-
-    radius_m: float
-
-    def draw(self, file: RecordingFile, entity: str, color: Rgb) -> None:
-        """Draw the ball, and a smaller white one where it looks."""
-        hull = rr.Ellipsoids3D(
-            centers=[(0.0, 0.0, 0.0), (0.85 * self.radius_m, 0.0, 0.0)],
-            half_sizes=[[self.radius_m] * 3, [0.35 * self.radius_m] * 3],
-            colors=[color, WHITE],
-            fill_mode=SOLID,
-        )
-        file.draw(f"{entity}/hull", hull)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoverShape:
-    """Wheels at both ends of the axle and a caster behind it, a chassis, and a plate on top [m]."""
-
-    wheels: WheelParameters
-    drawing: WheelDrawing
-
-    def draw(self, file: RecordingFile, entity: str, color: Rgb) -> None:
-        """Draw chassis, plate and a white front, then wheels and caster."""
-        drawing, wheels = self.drawing, self.wheels
-        centre_m, half_m = drawing.chassis_centre_m, drawing.chassis_half_m
-        front_m = (centre_m[0] + half_m[0], 0.0, centre_m[2])
-        hull = rr.Boxes3D(
-            centers=[centre_m, drawing.plate_centre_m, front_m],
-            half_sizes=[half_m, drawing.plate_half_m, (0.012, 0.8 * half_m[1], 0.5 * half_m[2])],
-            colors=[color, BLACK, WHITE],
-            fill_mode=SOLID,
-        )
-        file.draw(f"{entity}/hull", hull)
-        cylinders = rr.Cylinders3D(
-            lengths=[drawing.wheel_width_m] * 2,
-            radii=[wheels.wheel_radius_m] * 2,
-            centers=[(0.0, side * wheels.half_track_m, wheels.axle_height_m) for side in (1, -1)],
-            rotation_axis_angles=[rr.RotationAxisAngle(axis=(1.0, 0.0, 0.0), radians=math.pi / 2)] * 2,
-            colors=[BLACK] * 2,
-            fill_mode=SOLID,
-        )
-        file.draw(f"{entity}/wheels", cylinders)
-        caster = rr.Ellipsoids3D(
-            centers=[wheels.caster_place_m], half_sizes=[[wheels.caster_radius_m] * 3], colors=[BLACK], fill_mode=SOLID
-        )
-        file.draw(f"{entity}/caster", caster)
-
-
-def build_shape(vehicle: Vehicle) -> MultirotorShape | BallShape | RoverShape:
-    """Return how a vehicle looks."""
+def draw_shape(file: RecordingFile, entity: str, vehicle: Vehicle, color: Rgb) -> None:
+    """Draw how a vehicle looks: a hull with rotors or wheels, or a ball."""
     drawing, rotors, wheels = vehicle.drawing, vehicle.rotors, vehicle.wheels
     if rotors is not None and isinstance(drawing, RotorDrawing):
-        return MultirotorShape(rotors=rotors, drawing=drawing)
-    if wheels is not None and isinstance(drawing, WheelDrawing):
-        return RoverShape(wheels=wheels, drawing=drawing)
-    return BallShape(radius_m=vehicle.body.radius_m)
+        _draw_multirotor(file, entity, color, rotors, drawing)
+    elif wheels is not None and isinstance(drawing, WheelDrawing):
+        _draw_rover(file, entity, color, wheels, drawing)
+    else:
+        _draw_ball(file, entity, color, vehicle.body.radius_m)
+
+
+# Arms from the hull to discs, the front ones white, and the hull.
+def _draw_multirotor(
+    file: RecordingFile, entity: str, color: Rgb, rotors: RotorParameters, drawing: RotorDrawing
+) -> None:
+    scale = drawing.scale
+    centres_m = [(scale * x, scale * y, scale * z) for x, y, z in rotors.rotor_places_m]
+    radius_m = scale * rotors.rotor_radius_m
+    arms = [[(0.0, 0.0, 0.0), centre] for centre in centres_m]
+    file.draw(f"{entity}/arms", rr.LineStrips3D(arms, radii=[0.12 * radius_m], colors=[color]))
+    discs = rr.Ellipsoids3D(
+        centers=centres_m,
+        half_sizes=[(radius_m, radius_m, 0.08 * radius_m)] * len(centres_m),
+        colors=[WHITE if x > 0 else color for x, _, _ in centres_m],
+        fill_mode=SOLID,
+    )
+    file.draw(f"{entity}/rotors", discs)
+    hull_m = tuple(scale * size for size in drawing.hull_half_m)
+    file.draw(f"{entity}/hull", rr.Boxes3D(half_sizes=[hull_m], colors=[color], fill_mode=SOLID))
+
+
+# A ball, and a smaller white one where it looks.
+def _draw_ball(file: RecordingFile, entity: str, color: Rgb, radius_m: float) -> None:
+    hull = rr.Ellipsoids3D(
+        centers=[(0.0, 0.0, 0.0), (0.85 * radius_m, 0.0, 0.0)],
+        half_sizes=[[radius_m] * 3, [0.35 * radius_m] * 3],
+        colors=[color, WHITE],
+        fill_mode=SOLID,
+    )
+    file.draw(f"{entity}/hull", hull)
+
+
+# Chassis, plate and a white front, then wheels at both ends of the axle and the caster behind it.
+def _draw_rover(file: RecordingFile, entity: str, color: Rgb, wheels: WheelParameters, drawing: WheelDrawing) -> None:
+    centre_m, half_m = drawing.chassis_centre_m, drawing.chassis_half_m
+    front_m = (centre_m[0] + half_m[0], 0.0, centre_m[2])
+    hull = rr.Boxes3D(
+        centers=[centre_m, drawing.plate_centre_m, front_m],
+        half_sizes=[half_m, drawing.plate_half_m, (0.012, 0.8 * half_m[1], 0.5 * half_m[2])],
+        colors=[color, BLACK, WHITE],
+        fill_mode=SOLID,
+    )
+    file.draw(f"{entity}/hull", hull)
+    cylinders = rr.Cylinders3D(
+        lengths=[drawing.wheel_width_m] * 2,
+        radii=[wheels.wheel_radius_m] * 2,
+        centers=[(0.0, side * wheels.half_track_m, wheels.axle_height_m) for side in (1, -1)],
+        rotation_axis_angles=[rr.RotationAxisAngle(axis=(1.0, 0.0, 0.0), radians=math.pi / 2)] * 2,
+        colors=[BLACK] * 2,
+        fill_mode=SOLID,
+    )
+    file.draw(f"{entity}/wheels", cylinders)
+    radii_m = [[wheels.caster_radius_m] * 3]
+    caster = rr.Ellipsoids3D(centers=[wheels.caster_place_m], half_sizes=radii_m, colors=[BLACK], fill_mode=SOLID)
+    file.draw(f"{entity}/caster", caster)
 
 
 def draw_vehicle(file: RecordingFile, entity: str, agent: AgentSpec, color: Rgb, *, is_named: bool = True) -> None:
     """Draw a vehicle in the colour of its agent, with the agent's name, or that where one points at it."""
-    build_shape(agent.vehicle.facts).draw(file, entity, color)
+    draw_shape(file, entity, agent.vehicle.facts, color)
     file.draw(
         f"{entity}/name",
         rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.02], colors=[color], labels=[agent.name], show_labels=is_named),

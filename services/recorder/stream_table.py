@@ -66,34 +66,26 @@ class Stream:
         return self.entity.format(**names)
 
 
-TRACK = Stream(
-    name="track", entity="vehicles/{agent}", component=POSE, unit="m", frame="world", axes=XYZ, writer="world",
-    meaning="where the vehicle was at the end of each tick",
-)  # fmt: skip
+def _places(name: str, entity: str, component: str, writer: str, meaning: str) -> Stream:
+    return Stream(
+        name=name, entity=entity, component=component, writer=writer, meaning=meaning, unit="m", frame="world", axes=XYZ
+    )
+
+
+def _text(name: str, component: str, writer: str, title: str, meaning: str) -> Stream:
+    return Stream(name=name, entity=name, component=component, writer=writer, title=title, meaning=meaning)
+
+
+TRACK = _places("track", "vehicles/{agent}", POSE, "world", "where the vehicle was at the end of each tick")
 TRACK_ATTITUDE = Stream(
     name="track_attitude", entity=TRACK.entity, component=ATTITUDE_COMPONENT, frame="world from body",
     axes=(*XYZ, "w"), writer="world", meaning="attitude of the vehicle at the end of each tick",
 )  # fmt: skip
-TRACK_LINE = Stream(
-    name="track_line", entity="tracks/{agent}", component=LINES, unit="m", frame="world", axes=XYZ, writer="world",
-    meaning="where the vehicle was, as a line",
-)  # fmt: skip
-PLANNED_PATH = Stream(
-    name="planned_path", entity="plans/{agent}", component=LINES, unit="m", frame="world", axes=XYZ, writer="world",
-    meaning="the path ahead, whenever it is planned again",
-)  # fmt: skip
-WAYPOINTS = Stream(
-    name="waypoints", entity="waypoints/{agent}", component=POINTS, unit="m", frame="world", axes=XYZ, writer="agent",
-    meaning="where vehicles were sent",
-)  # fmt: skip
-MARKS = Stream(
-    name="marks", entity="markers/{agent}", component=POINTS, unit="m", frame="world", axes=XYZ, writer="referee",
-    meaning="what happened where",
-)  # fmt: skip
-SOURCE_MARKS = Stream(
-    name="source_marks", entity="sources/{source}/events", component=POINTS, unit="m", frame="world", axes=XYZ,
-    writer="events", meaning="what happened to a source where",
-)  # fmt: skip
+TRACK_LINE = _places("track_line", "tracks/{agent}", LINES, "world", "where the vehicle was, as a line")
+PLANNED_PATH = _places("planned_path", "plans/{agent}", LINES, "world", "the path ahead, whenever it is planned again")
+WAYPOINTS = _places("waypoints", "waypoints/{agent}", POINTS, "agent", "where vehicles were sent")
+MARKS = _places("marks", "markers/{agent}", POINTS, "referee", "what happened where")
+SOURCE_MARKS = _places("source_marks", "sources/{source}/events", POINTS, "events", "what happened to a source where")
 BELIEF = Stream(
     name="belief", entity="beliefs/{agent}", component=GRID, frame="world", writer="agent",
     meaning="where an agent believes the source to be",
@@ -134,8 +126,8 @@ WIND_FROM = Stream(
 )  # fmt: skip
 
 
-def _on_board(title: str, unit: str, axes: tuple[str, ...], *, frame: str = "", name: str = "") -> Stream:
-    name = name or title.replace(" ", "_")
+def _on_board(title: str, unit: str, axes: tuple[str, ...], *, frame: str = "") -> Stream:
+    name = title.replace(" ", "_")
     return Stream(
         name=name, entity=f"plots/on_board/{{agent}}/{{sensor}}/{name}", component=SCALARS, unit=unit, frame=frame,
         axes=axes, writer="sensing", table="readings", title=title, meaning=f"{title} that an on-board sensor reports",
@@ -216,59 +208,35 @@ SERVICES = Stream(
     meaning="what services of other packages wrote, the wind's where it is driven, and the truth at probes",
 )  # fmt: skip
 
-POINT_CLOUDS = Stream(
-    name="point_clouds", entity="seen/{agent}/{sensor}", component=POINTS, unit="m", frame="world", axes=XYZ,
-    writer="sensing", meaning="points that a lidar saw",
-)  # fmt: skip
-RAYS = Stream(
-    name="rays", entity=POINT_CLOUDS.entity, component=LINES, unit="m", frame="world", axes=XYZ, writer="sensing",
-    meaning="rays of range finders and beams of lasers; those that meet nothing have no length",
-)  # fmt: skip
+POINT_CLOUDS = _places("point_clouds", "seen/{agent}/{sensor}", POINTS, "sensing", "points that a lidar saw")
+RAYS = _places(
+    "rays",
+    POINT_CLOUDS.entity,
+    LINES,
+    "sensing",
+    "rays of range finders and beams of lasers; those that meet nothing have no length",
+)
 PICTURES = Stream(
     name="pictures", entity=POINT_CLOUDS.entity, component=IMAGE, frame="world from camera", writer="cameras",
     meaning="pictures of a camera as they travelled, with its pinhole and its pose",
 )  # fmt: skip
 
-FILAMENTS = Stream(
-    name="filaments", entity="gas/filaments", component=SPLATS, unit="m", frame="world", axes=XYZ, writer="fields",
-    meaning="the cloud, a row for each filament; of more than 3000 every k-th",
-)  # fmt: skip
+FILAMENTS = _places(
+    "filaments", "gas/filaments", SPLATS, "fields", "the cloud, a row for each filament; of more than 3000 every k-th"
+)
 SLICES = Stream(
     name="gas_slices", entity="gas/slices/{gas}", component=GRID, unit="ppm", frame="world", writer="fields",
     meaning="the mixing ratio in the layer of the map",
 )  # fmt: skip
-WIND_ARROWS = Stream(
-    name="wind_arrows", entity="wind", component=ARROWS, unit="m", frame="world", axes=XYZ, writer="fields",
-    meaning="arrows in the layer of the map",
-)  # fmt: skip
-DOORS = Stream(
-    name="doors", entity="room/doors/{door}", component=BOXES, unit="m", frame="world", axes=XYZ, writer="events",
-    meaning="doors while they are closed",
-)  # fmt: skip
+WIND_ARROWS = _places("wind_arrows", "wind", ARROWS, "fields", "arrows in the layer of the map")
+DOORS = _places("doors", "room/doors/{door}", BOXES, "events", "doors while they are closed")
 
-EVENTS = Stream(
-    name="events", entity="events", component=TEXTS, writer="referee", title="Referee", meaning="the referee's log"
-)
-CONTACTS = Stream(
-    name="contacts", entity="contacts", component=TEXTS, writer="world", title="Contacts",
-    meaning="what vehicles touched",
-)  # fmt: skip
-RADIO = Stream(
-    name="radio", entity="radio", component=TEXTS, writer="radio", title="Radio",
-    meaning="texts between agents and what became of them",
-)  # fmt: skip
-FAULTS = Stream(
-    name="faults", entity="faults", component=TEXTS, writer="supervisor", title="Faults",
-    meaning="what agents did wrong",
-)  # fmt: skip
-SUMMARY = Stream(
-    name="summary", entity="summary", component=DOCUMENT, writer="recorder", title="Run",
-    meaning="the text, with the sandboxes at the end of the run",
-)  # fmt: skip
-LEGEND = Stream(
-    name="legend", entity="legend", component=DOCUMENT, writer="recorder", title="Legend",
-    meaning="what each element of the views is",
-)  # fmt: skip
+EVENTS = _text("events", TEXTS, "referee", "Referee", "the referee's log")
+CONTACTS = _text("contacts", TEXTS, "world", "Contacts", "what vehicles touched")
+RADIO = _text("radio", TEXTS, "radio", "Radio", "texts between agents and what became of them")
+FAULTS = _text("faults", TEXTS, "supervisor", "Faults", "what agents did wrong")
+SUMMARY = _text("summary", DOCUMENT, "recorder", "Run", "the text, with the sandboxes at the end of the run")
+LEGEND = _text("legend", DOCUMENT, "recorder", "Legend", "what each element of the views is")
 
 STREAMS = tuple(dict.fromkeys(item for item in tuple(globals().values()) if isinstance(item, Stream)))
 """All streams but those of on-board sensors of other packages, which a run adds: `on_board_stream`."""

@@ -65,7 +65,6 @@ def build_criterion(success: SuccessSpec, sources_m: Sequence[Vec3]) -> Criterio
     where the latter is called with the block and the sources.
 
     Args:
-        success: The scenario's block.
         sources_m: All sources, in the scenario's order, world frame [m].
 
     Raises:
@@ -169,8 +168,3 @@ build_criterion.register(SourceSuccess, SourceReached)
 build_criterion.register(DeclarationSuccess, SourceDeclared)
 build_criterion.register(AllSourcesSuccess, AllSourcesReached)
 build_criterion.register(MapSuccess, SourceMapped)
-
-
-# For its registrations.
-
-__all__ = ["Criterion", "Evidence", "build_criterion"]

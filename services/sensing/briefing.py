@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,8 +129,6 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
     """Build an agent's briefing: task, room, limits, sensors, a seed of its own, and the knowledge it is granted.
 
     Args:
-        agent: Whose briefing.
-        scenario: The run's scenario.
         environment: The run's room; the agent learns its bounds, and the map only where it is granted.
         seed: The run's seed; the agent's own derives from it and does not reveal it.
     """
@@ -191,7 +190,6 @@ def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Proble
     """Yield what keeps the methods of a scenario from flying; agents without a card are passed over.
 
     Args:
-        scenario: What is to be flown.
         directory: The scenario's folder, where relative paths of agents start.
     """
     by_name = {agent.name: agent for agent in scenario.agents}
@@ -237,12 +235,7 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
         parameters=agent.parameters,
     )
     for shortage in shortages:
-        yield Problem(
-            where=f"agents[{i}].{shortage.where}",
-            expected=shortage.expected,
-            found=shortage.found,
-            remedy=shortage.remedy,
-        )
+        yield replace(shortage, where=f"agents[{i}].{shortage.where}")
 
 
 def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:

@@ -1,4 +1,8 @@
-"""Ray casting among boxes and upright cylinders."""
+"""Ray casting among boxes and upright cylinders.
+
+Arguments of several functions: `x`, `y`, `z` start of the ray, world frame [m]; `dx`, `dy`, `dz` its direction of
+length 1, world frame.
+"""
 # pyright: basic, reportCallIssue=false, reportGeneralTypeIssues=false
 
 import math
@@ -32,9 +36,7 @@ def turn_ray(rotation, x, y, z):
 
     Args:
         rotation: (9,) rows of the matrix that turns body-frame into world-frame vectors.
-        x: Direction of length 1, body frame; y and z likewise.
-        y: See x.
-        z: See x.
+        x, y, z: Direction of length 1, body frame.
 
     Held by:
         tests/unit/services/sensing/test_ray_kernels.py
@@ -64,12 +66,6 @@ def distance_to_box(box_m, x, y, z, dx, dy, dz):
 
     Args:
         box_m: (6,) lower then upper corner, world frame [m].
-        x: Start of the ray, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
-        dx: Direction of length 1, world frame; dy and dz likewise.
-        dy: See dx.
-        dz: See dx.
 
     Held by:
         tests/unit/services/sensing/test_ray_kernels.py (closed forms, and a march in small steps)
@@ -96,12 +92,6 @@ def distance_to_cylinder(cylinder_m, x, y, z, dx, dy, dz):
 
     Args:
         cylinder_m: (5,) centre xyz, radius and half height, world frame [m].
-        x: Start of the ray, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
-        dx: Direction of length 1, world frame; dy and dz likewise.
-        dy: See dx.
-        dz: See dx.
 
     Held by:
         tests/unit/services/sensing/test_ray_kernels.py
@@ -161,12 +151,6 @@ def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, 
         origin_m: (3,) corner of bin (0, 0, 0), world frame [m].
         bin_m: Edge of the bins [m].
         shape: (3,) number of bins along each axis.
-        x: Start of the ray, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
-        dx: Direction of length 1, world frame; dy and dz likewise.
-        dy: See dx.
-        dz: See dx.
         limit_m: Farthest distance of interest [m].
 
     Source:
@@ -208,12 +192,7 @@ def cast_rays(boxes_m, first, members, origin_m, bin_m, shape, cylinders_m, star
     """Return the (n,) ways along rays from one point to what is nearest, `limit_m` where nothing is nearer [m].
 
     Args:
-        boxes_m: See `distance_among_boxes`; so are the next five.
-        first: See boxes_m.
-        members: See boxes_m.
-        origin_m: See boxes_m.
-        bin_m: See boxes_m.
-        shape: See boxes_m.
+        boxes_m, first, members, origin_m, bin_m, shape: See `distance_among_boxes`.
         cylinders_m: (m, 5) centres xyz, radii and half heights of upright cylinders, world frame [m].
         start_m: (3,) where all rays start, world frame [m].
         directions: (n, 3) unit vectors, world frame.

@@ -90,8 +90,6 @@ class FlightStateMachine:
         """True while the vehicle yields to others where that is needed."""
         return self._vehicle.separation_m > 0 and self.phase == "flying" and self.follower.setpoint is None
 
-    # ------------------------------------------------------------ commands
-
     def set_goal(self, goal: Task | None) -> None:
         """Set the task that the following calls carry out."""
         self.goal = goal
@@ -188,8 +186,6 @@ class FlightStateMachine:
             self.follower.stop(tick)
         self.follower.clear_legs()
         self.phase = "failed"
-
-    # ------------------------------------------------------------ what it does by itself
 
     def avoid_neighbours(self, tick: int, neighbours: Neighbours) -> str | None:
         """Avoid other vehicles where that is needed, and return to the path when it no longer is."""

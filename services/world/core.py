@@ -16,7 +16,7 @@ from gslcosim.base.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planner import warm_up_planner
@@ -34,6 +34,7 @@ from gslcosim_services.world.scene import DoorGeoms, Scene, build_scene, registe
 from gslcosim_services.world.separation import Neighbours, warm_up_separation
 from gslcosim_services.world.service import world_spec
 from gslcosim_services.world.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.trajectory import to_vec3
 from gslcosim_services.world.vehicle_records import VehicleCapabilities, derive_capabilities
 
 _new_body = build_unchecked_constructor(BodyState)
@@ -66,31 +67,21 @@ class StartState:
 class SimulatedVehicle:
     """One vehicle of a run, from its agent's commands to the state that is reported of it.
 
-    State: its guide; the path flown; its position at the end of the last tick; what it has touched in this tick; and
-    what carried it when it last stood.
+    State: its guide; the path flown; its position at the end of the last tick, world frame [m]; what it has touched in
+    this tick; and what carried it when it last stood. `name` is the agent's.
     """
 
     def __init__(self, name: str, new_guide: Callable[[], Autopilot], start: StartState, rows: VehicleViews) -> None:
-        self._name = name
+        self.name = name
         self._build_autopilot = new_guide
         self._start = start
         self._rows = rows
         self._autopilot = new_guide()
         self._reference: Reference = self._autopilot.reference
         self._path_length_m = 0.0
-        self._position_m = start.position_world_m
+        self.position_m = start.position_world_m
         self._touched: set[str] = set()
         self._supports: frozenset[str] = frozenset()
-
-    @property
-    def name(self) -> str:
-        """The agent's name."""
-        return self._name
-
-    @property
-    def position_m(self) -> Vec3:
-        """Position at the end of the last tick, world frame [m]."""
-        return self._position_m
 
     @property
     def yields(self) -> bool:
@@ -100,21 +91,19 @@ class SimulatedVehicle:
     @property
     def true_position_m(self) -> Vec3:
         """Position in MuJoCo's scene, world frame [m]."""
-        x_m, y_m, z_m = self._rows.pose[:3].tolist()
-        return x_m, y_m, z_m
+        return to_vec3(self._rows.pose[:3])
 
     @property
     def true_velocity_m_s(self) -> Vec3:
         """Velocity in MuJoCo's scene, world frame [m/s]."""
-        u, v, w = self._rows.motion[:3].tolist()
-        return u, v, w
+        return to_vec3(self._rows.motion[:3])
 
     def reset(self) -> None:
         """Rest at the start. The scene is reset by its owner, who then calls `place`."""
         self._autopilot = self._build_autopilot()
         self._reference = self._autopilot.reference
         self._path_length_m = 0.0
-        self._position_m = self._start.position_world_m
+        self.position_m = self._start.position_world_m
         self._touched.clear()
         self._supports = frozenset()
         rows = self._rows
@@ -153,8 +142,8 @@ class SimulatedVehicle:
     def end_tick(self, tick: int) -> None:
         """Update the autopilot with the state that physics has reached."""
         guide, position_m = self._autopilot, self.true_position_m
-        self._path_length_m += math.dist(position_m, self._position_m)
-        self._position_m = position_m
+        self._path_length_m += math.dist(position_m, self.position_m)
+        self.position_m = position_m
         was_landing = guide.phase == "landing"
         w, x, y, z = self._rows.pose[3:].tolist()
         reference = guide.end_tick(
@@ -177,8 +166,8 @@ class SimulatedVehicle:
         w, x, y, z = rows.pose[3:].tolist()
         u, v, speed_w, omega_x, omega_y, omega_z = rows.motion.tolist()
         return _new_body(
-            agent=self._name,
-            position_world_m=self._position_m,
+            agent=self.name,
+            position_world_m=self.position_m,
             quaternion_wxyz=(w, x, y, z),
             velocity_world_m_s=(u, v, speed_w),
             angular_velocity_body_rad_s=(omega_x, omega_y, omega_z),
@@ -197,7 +186,7 @@ class SimulatedVehicle:
         reference = self._reference
         if reference.setpoint is not None or not reference.is_armed or tick == 0:
             return None
-        return math.dist(self._position_m, reference.trajectory.state_at(tick, tick_ns)[0])
+        return math.dist(self.position_m, reference.trajectory.state_at(tick, tick_ns)[0])
 
     def _follow(self, reference: Reference) -> None:
         if reference is self._reference:
@@ -221,7 +210,6 @@ def check_starts(
     """Check that vehicles start and rise in free places and apart from one another.
 
     Args:
-        agents: All agents.
         spaces: Where each agent's vehicle may be sent.
         starts: Where each starts, world frame [m], and whether it hovers there.
     """
@@ -244,9 +232,7 @@ def check_overlaps(scene: Scene, data: mujoco.MjData, agents: Sequence[AgentSpec
     """Check that no vehicle at its start reaches into a box or another vehicle.
 
     Args:
-        scene: The compiled scene.
         data: Its state, with contacts, all vehicles at their starts.
-        agents: All agents.
     """
     problems = []
     for i, (geom_a, geom_b) in enumerate(data.contact.geom.tolist()):
@@ -291,13 +277,14 @@ class WorldCore:
     """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz (50 Hz when there are only point robots).
 
     Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
+    `data` is the state of the MuJoCo scene.
     Invariants: every vehicle's state is finite; every waypoint flown to is free and inside the room.
     Raises ModelError when a state explodes, naming the agent; the runtime then ends the run as invalid.
     It draws no random numbers: the seed does not matter to it.
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        self._spec = world_spec(scenario)
+        self.spec = world_spec(scenario)
         self._tick_ns = scenario.tick_ns
         self._environment = environment
         self._wind = _build_wind(environment, scenario)
@@ -312,7 +299,7 @@ class WorldCore:
         dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
         self._has_wheels = any(self._scene.is_rolling)
-        self._data = mujoco.MjData(self._scene.model)
+        self.data = mujoco.MjData(self._scene.model)
         self._constants = _build_constants(self._scene, self._agents, models, dt_s)
         self._door_geoms = DoorGeoms(environment, self._scene, doors)
         self._rotor_faults = RotorFaults(scenario, self._constants)
@@ -344,23 +331,13 @@ class WorldCore:
             self._vehicles.append(SimulatedVehicle(agent.name, new_guide, start, self._records(k, has_imu=has_imu[k])))
         check_starts(self._agents, spaces, [(start.position_world_m, start.is_flying) for start in starts])
         self._place_vehicles()
-        check_overlaps(self._scene, self._data, self._agents)
+        check_overlaps(self._scene, self.data, self._agents)
         self._tick = -1
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     @property
     def model(self) -> mujoco.MjModel:
         """The compiled MuJoCo scene."""
         return self._scene.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """The state of the MuJoCo scene."""
-        return self._data
 
     def reset(self, episode: Episode) -> Outbox:
         """Put every vehicle at rest at its start; nothing is written once."""
@@ -426,10 +403,10 @@ class WorldCore:
         return ObstacleAvoidance(routes=routes, limits=abilities.limits, tick_ns=self._tick_ns, has_wheels=has_wheels)
 
     def _place_vehicles(self) -> None:
-        mujoco.mj_resetData(self._scene.model, self._data)
+        mujoco.mj_resetData(self._scene.model, self.data)
         for vehicle in self._vehicles:
             vehicle.place()
-        mujoco.mj_forward(self._scene.model, self._data)
+        mujoco.mj_forward(self._scene.model, self.data)
 
     # All look at where the others are now, then all decide.
     def _keep_apart(self, tick: int) -> None:
@@ -437,7 +414,7 @@ class WorldCore:
         if not gives_way.any():
             return
         positions_m = np.array([vehicle.position_m for vehicle in self._vehicles])
-        velocities_m_s = self._data.qvel[self._i_velocities]
+        velocities_m_s = self.data.qvel[self._i_velocities]
         for k, vehicle in enumerate(self._vehicles):
             if not gives_way[k]:
                 continue
@@ -461,7 +438,7 @@ class WorldCore:
             )  # fmt: skip
             if i_unsound >= 0:
                 raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
-            if self._data.ncon:
+            if self.data.ncon:
                 noted = self._note_contacts(noted)
         for vehicle in self._vehicles:
             vehicle.end_tick(tick)
@@ -469,7 +446,7 @@ class WorldCore:
     # What wheels stand on is no collision; what they run against is. Whoever lies still touches the same things in each
     # sub-step: without wheels it is enough to note them once in a tick.
     def _note_contacts(self, noted: bytes) -> bytes:
-        scene, contact = self._scene, self._data.contact
+        scene, contact = self._scene, self.data.contact
         geoms = contact.geom
         now = b"" if self._has_wheels else geoms.tobytes()
         if now and now == noted:
@@ -497,14 +474,14 @@ class WorldCore:
         return VehicleViews(
             constants=self._constants[k],
             state=self._states[k, ...],
-            pose=self._data.qpos[i_qpos : i_qpos + 7],
-            motion=self._data.qvel[i_qvel : i_qvel + 6],
+            pose=self.data.qpos[i_qpos : i_qpos + 7],
+            motion=self.data.qvel[i_qvel : i_qvel + 6],
             inertial=self._inertial[k] if has_imu else None,
         )
 
     # Views of MuJoCo's arrays and addresses stay valid as long as model and data live.
     def _arguments_of_loop(self) -> tuple[_MujocoArrays, tuple[Any, Any, Any, Any, Any]]:
-        model, data, grid = self._scene.model, self._data, self._environment.grid
+        model, data, grid = self._scene.model, self.data, self._environment.grid
         views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
         addresses = (find_step_address(), model._address, data._address)
         return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)

@@ -311,7 +311,6 @@ def build_route_planner(
     """Build the route planner of a vehicle.
 
     Args:
-        environment: The room.
         mode: In how many dimensions it goes around.
         radius_m: The vehicle's radius [m].
         ground: On wheels, its height and that of what it stands on, world frame [m].

@@ -22,6 +22,7 @@ from gslcosim_services.world.trajectory import (
     plan_to_point,
     plan_to_state,
     plan_to_velocity,
+    to_vec3,
 )
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
@@ -87,8 +88,8 @@ def find_curve_refusal(
         path = plan_leg(leg, state, limits, 0, tick_ns)
         if leg.is_passed or np.any(state[1]):
             for share in _CHECKED_FRACTIONS:
-                x_m, y_m, z_m = path.state_after(share * path.duration_s)[0].tolist()
-                refusal = space.refusal(f"{leg.name}: path to it", (x_m, y_m, z_m))
+                place_m = to_vec3(path.state_after(share * path.duration_s)[0])
+                refusal = space.refusal(f"{leg.name}: path to it", place_m)
                 if refusal is not None:
                     return refusal
         state = leg.end
@@ -150,7 +151,6 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
     are flown as they are said.
 
     Args:
-        leg: The leg.
         path: Its path from a state.
         state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; world frame.
         limits: Speed and acceleration kept to.
@@ -213,8 +213,7 @@ class RoverPlanner:
         if not is_standing:
             return self._stop(motion, tick), True
         duration_s = off_rad / self.max_yaw_rate_rad_s + TURN_SETTLING_S
-        x_m, y_m, z_m = motion.state[0].tolist()
-        turn = plan_rest((x_m, y_m, z_m), tick, duration_s=duration_s)
+        turn = plan_rest(to_vec3(motion.state[0]), tick, duration_s=duration_s)
         return replace(turn, heading=Heading(yaw_rad=direction_rad)), True
 
     def _stop(self, motion: MotionState, tick: int) -> Trajectory:

@@ -4,6 +4,9 @@
 
 Symbols: p, v position and velocity in the world frame W; R turns body-frame vectors into world-frame vectors;
 omega is the angular velocity in the body frame B; `_d` is desired.
+
+Arguments of several functions: `vehicle` a record of `vehicle_records.CONSTANTS`; `R` nine numbers, rows of the matrix
+that turns body-frame into world-frame vectors.
 """
 
 import math
@@ -80,11 +83,8 @@ def drag_force(vehicle, total_speed, u, v, w):
     [N] = [N s^2/m] [rad/s] [m/s] = [kg/m^3] [m^2] [m/s]^2
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         total_speed: Sum of the rotors' speeds [rad/s].
-        u: Relative wind along body x [m/s].
-        v: Relative wind along body y [m/s].
-        w: Relative wind along body z [m/s].
+        u, v, w: Relative wind along body x, y, z [m/s].
 
     Returns:
         (F_x, F_y, F_z) body frame [N], at the centre of mass.
@@ -197,7 +197,6 @@ def axis_acceleration_inplace(vehicle, state, axis, p, v, t_s, dt_s):
     k_drag v_ref is the rotor drag expected in still air on the horizontal axes.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; its integral is advanced by dt_s.
         axis: 0, 1 or 2; world frame.
         p: Position along the axis [m].
@@ -237,10 +236,7 @@ def limited_specific_force(vehicle, a_x, a_y, a_z):
     [m/s^2]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
-        a_x: Acceleration wanted, world frame [m/s^2].
-        a_y: Acceleration wanted, world frame [m/s^2].
-        a_z: Acceleration wanted, world frame [m/s^2].
+        a_x, a_y, a_z: Acceleration wanted, world frame [m/s^2].
 
     Returns:
         (f_x, f_y, f_z) world frame [m/s^2]; its direction is always defined.
@@ -266,10 +262,8 @@ def advance_heading_inplace(vehicle, state, v_x, v_y, dt_s):
     [rad/s] = [1/s] [rad]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; its heading is advanced by dt_s.
-        v_x: Velocity of the reference, world frame [m/s]; slower than 0.05 m/s the path has no direction.
-        v_y: Velocity of the reference, world frame [m/s].
+        v_x, v_y: Velocity of the reference, world frame [m/s]; slower than 0.05 m/s the path has no direction.
         dt_s: Length of a sub-step [s].
 
     Source:
@@ -300,7 +294,6 @@ def align_heading_reference_inplace(state, R):
 
     Args:
         state: Record of `records.STATE`; its heading is written.
-        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
 
     Held by:
         tests/unit/services/world/test_setpoints.py
@@ -330,11 +323,8 @@ def attitude_from_force(f_x, f_y, f_z, j_x, j_y, j_z, yaw, yaw_rate):
 
     Args:
         f_x: Specific force wanted, world frame [m/s^2], f_z > 0.
-        f_y: Specific force wanted, world frame [m/s^2].
-        f_z: Specific force wanted, world frame [m/s^2].
-        j_x: Jerk of the reference, world frame [m/s^3].
-        j_y: Jerk of the reference, world frame [m/s^3].
-        j_z: Jerk of the reference, world frame [m/s^3].
+        f_y, f_z: Specific force wanted, world frame [m/s^2].
+        j_x, j_y, j_z: Jerk of the reference, world frame [m/s^3].
         yaw: Heading, counter-clockwise from world x [rad].
         yaw_rate: Its rate [rad/s].
 
@@ -390,11 +380,7 @@ def attitude_torque(vehicle, R, omega_x, omega_y, omega_z, R_d, omega_d):
     [N m] = [kg m^2] [1/s^2]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
-        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
-        omega_x: Angular velocity, body frame [rad/s].
-        omega_y: Angular velocity, body frame [rad/s].
-        omega_z: Angular velocity, body frame [rad/s].
+        omega_x, omega_y, omega_z: Angular velocity, body frame [rad/s].
         R_d: The same nine numbers of the attitude wanted.
         omega_d: Three rates about the axes of R_d [rad/s].
 
@@ -438,16 +424,9 @@ def rate_torque(vehicle, omega_x, omega_y, omega_z, p_d, q_d, s_d, a_x, a_y, a_z
     [N m] = [kg m^2] [1/s^2]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
-        omega_x: Angular velocity, body frame [rad/s].
-        omega_y: Angular velocity, body frame [rad/s].
-        omega_z: Angular velocity, body frame [rad/s].
-        p_d: Rate wanted about body x [rad/s].
-        q_d: Rate wanted about body y [rad/s].
-        s_d: Rate wanted about body z [rad/s].
-        a_x: Angular acceleration about body x [rad/s^2].
-        a_y: Angular acceleration about body y [rad/s^2].
-        a_z: Angular acceleration about body z [rad/s^2].
+        omega_x, omega_y, omega_z: Angular velocity, body frame [rad/s].
+        p_d, q_d, s_d: Rate wanted about body x, y, z [rad/s].
+        a_x, a_y, a_z: Angular acceleration about body x, y, z [rad/s^2].
 
     Returns:
         Torque about body x, y, z [N m].
@@ -485,9 +464,7 @@ def thrust_from_setpoint(vehicle, state, R, v_z):
     [N] = [kg] [m/s^2]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; a thrust below 0 means that the vertical speed is to be kept.
-        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
         v_z: Vertical speed [m/s].
 
     Source:
@@ -513,9 +490,7 @@ def rotor_speed_command(vehicle, i_rotor, thrust, tau_x, tau_y, tau_z):
         vehicle: Record of `records.CONSTANTS`; M^+ is its `thrusts_from_wrench`.
         i_rotor: 0 to n_rotors - 1.
         thrust: Collective thrust [N].
-        tau_x: Torque about body x [N m].
-        tau_y: Torque about body y [N m].
-        tau_z: Torque about body z [N m].
+        tau_x, tau_y, tau_z: Torque about body x, y, z [N m].
 
     Returns:
         Rotor speed [rad/s], within 0 and its maximum. A wrench beyond reach is cut rotor by rotor.

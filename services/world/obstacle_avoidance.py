@@ -13,7 +13,7 @@ from gslcosim.base.ticks import NS_PER_S
 from gslcosim_services.world.flight_space import FlightSpace, RoutePlanner
 from gslcosim_services.world.leg_planners import AT_REST, Leg, deviates_from_line, plan_leg
 from gslcosim_services.world.path_follower import PathFollower
-from gslcosim_services.world.trajectory import Limits, Trajectory, plan_to_velocity
+from gslcosim_services.world.trajectory import Limits, Trajectory, plan_to_velocity, to_vec3
 from gslcosim_services.world.vehicle_records import VehicleCapabilities
 
 # A corner is passed at one of these shares of the speed that its legs allow, the first that keeps clear; else it stops.
@@ -63,7 +63,7 @@ class ObstacleAvoidance:
         notices: list[str] = []
         try:
             for leg in legs:
-                moved, notice = self._moved(leg, _vec3(state[0]))
+                moved, notice = self._moved(leg, to_vec3(state[0]))
                 notices += [notice] if notice else []
                 planned += self._legs_to(moved, state)
                 state = planned[-1].end
@@ -88,7 +88,7 @@ class ObstacleAvoidance:
             state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] where it would begin to brake.
             stop: The path on which it would come to rest.
         """
-        here_m = self.routes.level(_vec3(state[0]))
+        here_m = self.routes.level(to_vec3(state[0]))
         if not _is_moving(state) or (self._is_clear(stop) if self.routes.is_free(here_m) else self._leaves(state)):
             return None
         return (
@@ -97,7 +97,7 @@ class ObstacleAvoidance:
         )
 
     def _leaves(self, state: NDArray[np.float64]) -> bool:
-        here_m = self.routes.level(_vec3(state[0]))
+        here_m = self.routes.level(to_vec3(state[0]))
         free_m = self.routes.nearest_free_m(here_m)
         return free_m is not None and float(np.subtract(free_m, here_m) @ state[1]) > 0.0
 
@@ -120,7 +120,7 @@ class ObstacleAvoidance:
         if self._is_direct(leg, state) and not (self.has_wheels and _is_moving(state)):
             return [leg]
         before = self._stopped(leg, state)
-        start_m = before[-1].place_world_m if before else _vec3(state[0])
+        start_m = before[-1].place_world_m if before else to_vec3(state[0])
         points_m = self.routes.route_m(start_m, leg.place_world_m)
         if points_m is None:
             place = f"was {_format_point(leg.place_world_m)} m without a way to it"
@@ -160,7 +160,7 @@ class ObstacleAvoidance:
         most_m_s = min(self.limits.max_speed_m_s, math.sqrt(self.limits.max_acceleration_m_s2 * shortest_m))
         tangent = (into + out_of) / np.linalg.norm(into + out_of)
         for share in _CORNER_SPEED_FRACTIONS:
-            passed = replace(bend, velocity_world_m_s=_vec3(0.999 * share * most_m_s * tangent))
+            passed = replace(bend, velocity_world_m_s=to_vec3(0.999 * share * most_m_s * tangent))
             onward = replace(bend, place_world_m=after_m)
             if self._is_direct(passed, state) and self._is_direct(onward, passed.end):
                 return passed
@@ -195,11 +195,6 @@ def _direction(a_m: Vec3, b_m: Vec3) -> NDArray[np.float64]:
     return step_m / max(_MIN_DISTANCE_M, float(np.linalg.norm(step_m)))
 
 
-def _vec3(row: NDArray[np.float64]) -> Vec3:
-    x, y, z = row.tolist()
-    return x, y, z
-
-
 def _format_point(place_m: Vec3) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in place_m) + ")"
 
@@ -232,8 +227,7 @@ class BrakingMonitor:
         """Return why a vehicle on a path must brake now, or nothing."""
         state = path.state_at(tick + 1, self.tick_ns)
         stop = plan_to_velocity(state, AT_REST, self._limits, tick)
-        u, v, w = state[1].tolist()
-        edge = self.space.find_edge_ahead("velocity", stop.end_world_m, (u, v, w))
+        edge = self.space.find_edge_ahead("velocity", stop.end_world_m, to_vec3(state[1]))
         if edge is not None or self.avoidance is None:
             return edge
         return self.avoidance.find_stop_refusal("velocity", state, stop)

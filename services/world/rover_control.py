@@ -1,6 +1,8 @@
 """Control of a vehicle on wheels: from a path, or a speed and a turn rate, to the torques of two wheels.
 
 A differential drive with the body frame's origin above the middle of its axle: x forward, y left.
+
+Arguments of several functions: `vehicle` a record of `vehicle_records.CONSTANTS`; `dt_s` length of a sub-step [s].
 """
 
 # ruff: noqa: ANN001, ANN201, N806 - kernels have no types, and symbols of equations
@@ -40,13 +42,10 @@ def path_speed_and_turn(vehicle, state, x, y, yaw, t_s, dt_s):
     turn e_th is taken as one.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; its heading is advanced.
-        x: Position, world frame [m].
-        y: Position, world frame [m].
+        x, y: Position, world frame [m].
         yaw: Heading, counter-clockwise from world x [rad].
         t_s: Time since the end of the trajectory's start tick [s].
-        dt_s: Length of a sub-step [s].
 
     Returns:
         (speed [m/s], rate of turn to the left [rad/s]).
@@ -86,12 +85,10 @@ def wheel_torque_inplace(vehicle, state, i_wheel, wanted_rad_s, speed_rad_s, dt_
     [N m] = [N m s] [rad/s];  [N m/s] = [N m] [rad/s]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; the wheel's integral is advanced.
         i_wheel: 0 for the left one, 1 for the right one.
         wanted_rad_s: Speed wanted [rad/s].
         speed_rad_s: Speed [rad/s].
-        dt_s: Length of a sub-step [s].
 
     Held by:
         tests/unit/services/world/test_rover_control.py
@@ -113,7 +110,6 @@ def wheel_speeds(vehicle, speed_m_s, turn_rad_s):
     A turn is kept and the speed is cut where a wheel would turn faster than it can.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         speed_m_s: Along the nose [m/s].
         turn_rad_s: To the left [rad/s].
 
@@ -134,13 +130,11 @@ def step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s):
     What its agent sets is approached with the vehicle's acceleration; on a path that is kept by the path.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         state: Record of `records.STATE`; heading, set speed and integrals are advanced.
         p: (7,) position, world frame [m], and attitude quaternion wxyz.
         v: (8,) velocity of the body, then speeds of left and right wheel [rad/s].
         force: (8,) the last two are written: torques of left and right wheel [N m].
         t_s: Time since the end of the trajectory's start tick [s].
-        dt_s: Length of a sub-step [s].
 
     Held by:
         tests/analytic/test_world_driving.py, tests/unit/services/world/test_rover.py

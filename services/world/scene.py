@@ -51,7 +51,6 @@ def half_height_m(model: mujoco.MjModel, root: int) -> float:
     Parts of a vehicle are not turned against its body at the start; each hangs on the body itself.
 
     Args:
-        model: A compiled model.
         root: Index of the vehicle's body in it.
     """
     return max(_depth_m(model, i, root) for i in range(model.ngeom) if _find_root(model, i) == root)

@@ -186,18 +186,9 @@ def find_passing_velocity(wanted_m_s: Vec3, neighbours: Neighbours, is_open: Cal
         tests/unit/services/world/test_separation.py
     """
     tried = _candidate_velocities(wanted_m_s)
-    costs = passing_costs(
-        tried,
-        neighbours.own,
-        wanted_m_s,
-        neighbours.positions_m,
-        neighbours.velocities_m_s,
-        neighbours.least_m,
-        neighbours.yields,
-        HORIZON_S,
-        _MIN_CONFLICT_TIME_S,
-        _CONFLICT_COST_M,
-    )
+    others = (neighbours.positions_m, neighbours.velocities_m_s, neighbours.least_m, neighbours.yields)
+    limits = (HORIZON_S, _MIN_CONFLICT_TIME_S, _CONFLICT_COST_M)
+    costs = passing_costs(tried, neighbours.own, wanted_m_s, *others, *limits)
     for i in np.argsort(costs.round(9), kind="stable"):
         u, v, w = tried[i].tolist()
         if is_open((u, v, w)):

@@ -1,5 +1,11 @@
 # pyright: basic
-"""Minimum-jerk trajectories: polynomials, and the quickest within limits of speed and acceleration."""
+"""Minimum-jerk trajectories: polynomials, and the quickest within limits of speed and acceleration.
+
+Arguments of several functions: `coefficients` (3, 6) axis xyz, power 0 to 5, world frame [m/s^i], written by what ends
+in `_inplace`; `duration_s` length of the polynomial [s], > 0; `start` (3, 3) rows position [m], velocity [m/s],
+acceleration [m/s^2]; columns xyz, world frame; `start_tick` the tick at whose end it starts; `limits` speed and
+acceleration kept to.
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202, N806 - kernels have no types, and symbols of equations
 
@@ -62,8 +68,6 @@ def set_quintic_inplace(coefficients, start, end, duration_s):
     [m] = [m/s^i] [s]^i
 
     Args:
-        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         end: (3, 3) the same at the end.
         duration_s: T [s], > 0.
 
@@ -96,8 +100,6 @@ def set_quartic_to_velocity_inplace(coefficients, start, end_velocity_world_m_s,
     acceleration peaks at 1.5 dv/T.
 
     Args:
-        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         end_velocity_world_m_s: (3,) velocity at the end, world frame [m/s].
         duration_s: T [s], > 0.
 
@@ -183,8 +185,6 @@ def max_lateral_deviation_m(coefficients, duration_s, place_m):
     """Return how far a path to rest leaves the straight line to its end [m], from ten looks at it.
 
     Args:
-        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
-        duration_s: Length of the polynomial [s], > 0.
         place_m: (3,) where it ends, world frame [m].
 
     Held by:
@@ -226,8 +226,6 @@ def deviates_too_far(coefficients, duration_s, place_m, velocity_m_s, max_accele
     """Return whether a path to rest leaves the straight line so far that the vehicle had better stop first.
 
     Args:
-        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
-        duration_s: Length of the polynomial [s], > 0.
         place_m: (3,) where it ends, world frame [m].
         velocity_m_s: (3,) velocity at its start, world frame [m/s].
         max_acceleration_m_s2: Greatest acceleration [m/s^2].
@@ -264,10 +262,6 @@ def peak_speed_and_acceleration(coefficients, duration_s):
 
     The true peaks of the rest-to-rest quintic lie above the sampled ones by less than 0.5 %.
 
-    Args:
-        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
-        duration_s: Length of the polynomial [s], > 0.
-
     Held by:
         tests/analytic/test_world_trajectory.py
     """
@@ -293,8 +287,6 @@ def _limit_excess(coefficients, duration_s, speed_limit, acceleration_limit, all
     """Return the greater of a polynomial's peaks in units of its limits; infinity where few looks show it too great.
 
     Args:
-        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
-        duration_s: Length of the polynomial [s], > 0.
         speed_limit: Greatest speed [m/s].
         acceleration_limit: Greatest acceleration [m/s^2].
         allowed: Excess that is not too great.
@@ -340,8 +332,6 @@ def plan_quickest_inplace(coefficients, start, end, is_velocity, max_speed_m_s, 
     the limits least is taken. Sampled peaks may lie 2 % above the limits where an end state is flown through.
 
     Args:
-        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         end: (3, 3) the state to reach; of a velocity only its row counts.
         is_velocity: Whether only the velocity of `end` is to be reached, wherever that is.
         max_speed_m_s: Greatest speed [m/s], > 0.
@@ -498,10 +488,7 @@ def plan_to_point(start: NDArray[np.float64], end_world_m: Vec3, limits: Limits,
     """Return the quickest trajectory that comes to rest at a point.
 
     Args:
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         end_world_m: Where it rests, world frame [m].
-        limits: Speed and acceleration kept to.
-        start_tick: The tick at whose end it starts.
     """
     return plan_to_state(start, np.array([end_world_m, _ZERO, _ZERO]), limits, start_tick)
 
@@ -518,10 +505,7 @@ def plan_to_state(
     """Return the quickest trajectory that reaches a state of motion and goes on with its velocity.
 
     Args:
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         end: (3, 3) the same at the end.
-        limits: Speed and acceleration kept to.
-        start_tick: The tick at whose end it starts.
         least_s: It takes at least this long [s].
         step_s: It takes a whole multiple of this [s]; 0: any time.
     """
@@ -530,9 +514,9 @@ def plan_to_state(
         start_tick=start_tick,
         coefficients=coefficients,
         duration_s=duration_s,
-        end_world_m=_vec3(end[0]),
-        end_velocity_world_m_s=_vec3(end[1]),
-        end_acceleration_world_m_s2=_vec3(end[2]),
+        end_world_m=to_vec3(end[0]),
+        end_velocity_world_m_s=to_vec3(end[1]),
+        end_acceleration_world_m_s2=to_vec3(end[2]),
     )
 
 
@@ -542,10 +526,7 @@ def plan_to_velocity(
     """Return the quickest trajectory that reaches a velocity and goes on with it; zero is a stop.
 
     Args:
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
         velocity_world_m_s: Velocity to reach, world frame [m/s].
-        limits: Speed and acceleration kept to.
-        start_tick: The tick at whose end it starts.
     """
     end = np.array([_ZERO, velocity_world_m_s, _ZERO])
     coefficients, duration_s = _plan(start, end, limits, is_velocity=_TO_VELOCITY)
@@ -553,7 +534,7 @@ def plan_to_velocity(
         start_tick=start_tick,
         coefficients=coefficients,
         duration_s=duration_s,
-        end_world_m=_vec3(polynomial_state(coefficients, duration_s)[0]),
+        end_world_m=to_vec3(polynomial_state(coefficients, duration_s)[0]),
         end_velocity_world_m_s=velocity_world_m_s,
     )
 
@@ -573,6 +554,7 @@ def _plan(
     return coefficients, float(duration_s)
 
 
-def _vec3(row: NDArray[np.float64]) -> Vec3:
+def to_vec3(row: NDArray[np.float64]) -> Vec3:
+    """Return a row of three numbers as plain numbers."""
     x, y, z = row.tolist()
     return x, y, z

@@ -45,7 +45,6 @@ def derive_capabilities(spec: VehicleSpec, model: Vehicle, constants: Any, half_
 
     Args:
         spec: What the scenario says of it.
-        model: Its parameters.
         constants: Its record of `records.CONSTANTS`.
         half_height_m: Its centre above what it stands on [m].
     """
@@ -155,9 +154,6 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
     """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
 
     Args:
-        record: The record to fill.
-        vehicle: Its model.
-        model: The compiled scene.
         prefix: What stands before the names of the vehicle's parts in the scene.
         dt_s: Length of a sub-step [s].
     """
@@ -169,41 +165,31 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
     record["inertia_kg_m2"] = model.body_inertia[body]
     record["max_yaw_rate_rad_s"] = vehicle.body.max_yaw_rate_rad_s
     if vehicle.control is not None:
-        _set_control(record, vehicle.control)
+        _set_parameters(record, vehicle.control)
+        record["max_tilt_tangent"] = math.tan(vehicle.control.max_tilt_rad)
     if vehicle.rotors is not None:
         record["has_rotors"] = 1
         _set_rotors(record, vehicle.name, vehicle.rotors, dt_s)
     if vehicle.wheels is not None:
         record["has_wheels"] = 1
-        _set_wheels(record, vehicle.wheels, model, prefix)
+        _set_parameters(record, vehicle.wheels)
+        record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
 
 
-def _set_control(record: Any, control: ControlParameters) -> None:
-    record["position_gain_s2"] = control.position_gain_s2
-    record["velocity_gain_s"] = control.velocity_gain_s
-    record["integral_gain_s3"] = control.integral_gain_s3
-    record["integral_limit_m_s2"] = control.integral_limit_m_s2
-    record["max_tilt_tangent"] = math.tan(control.max_tilt_rad)
-    record["attitude_gain_s2"] = control.attitude_gain_s2
-    record["rate_gain_s"] = control.rate_gain_s
-
-
-def _set_wheels(record: Any, wheels: WheelParameters, model: mujoco.MjModel, prefix: str) -> None:
-    for parameter in fields(wheels):
+# The parameters that a record has by the same name.
+def _set_parameters(record: Any, parameters: ControlParameters | RotorParameters | WheelParameters) -> None:
+    for parameter in fields(parameters):
         if parameter.name in _CONSTANT_NAMES:
-            record[parameter.name] = getattr(wheels, parameter.name)
-    record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
+            record[parameter.name] = getattr(parameters, parameter.name)
 
 
 def _set_rotors(record: Any, name: str, rotors: RotorParameters, dt_s: float) -> None:
+    _set_parameters(record, rotors)
     record["n_rotors"] = n_rotors = rotors.n_rotors
     record["wrench_from_thrusts"][:, :n_rotors] = wrench_from_thrusts = rotors.wrench_from_thrusts()
     record["thrusts_from_wrench"][:n_rotors] = _thrusts_from_wrench(wrench_from_thrusts)
-    record["thrust_coefficient_n_s2"] = rotors.thrust_coefficient_n_s2
-    record["max_rotor_speed_rad_s"] = rotors.max_rotor_speed_rad_s
     record["response_up"] = -math.expm1(-dt_s / rotors.time_constant_up_s)
     record["response_down"] = -math.expm1(-dt_s / rotors.time_constant_down_s)
-    record["rotor_drag_n_s2_m"] = rotors.rotor_drag_n_s2_m
     record["half_density_drag_area_kg_m"] = 0.5 * rotors.air_density_kg_m3 * np.array(rotors.drag_area_m2)
     hover_speed_rad_s = hover_rotor_speed_rad_s(record)
     if hover_speed_rad_s >= rotors.max_rotor_speed_rad_s:

@@ -220,19 +220,6 @@ def uniform_at(key, counter):
 
 
 @numba.njit(cache=True, nogil=True)
-def draw_normals(key, first, n):
-    """Return draws `first` to `first + n - 1` of the standard normal stream `key`, (n,) float64.
-
-    Held by:
-        tests/unit/services/fields/filament/test_counter_rng.py
-    """
-    draws = np.empty(n)
-    for i in range(n):
-        draws[i] = normal_at(key, np.uint64(first + i))
-    return draws
-
-
-@numba.njit(cache=True, nogil=True)
 def draw_uniforms(key, first, n):
     """Return draws `first` to `first + n - 1` of the uniform stream `key`, (n,) float64 in (0, 1].
 

@@ -1,6 +1,10 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""One step of the filament model: wind at filaments, ageing, displacement, collision with walls, and outflow."""
+"""One step of the filament model: wind at filaments, ageing, displacement, collision with walls, and outflow.
+
+Arguments of several functions: `cell_m` edge of the cubic cells [m]; `origin_m` (3,) corner of cell (0, 0, 0), world
+frame [m].
+"""
 
 import math
 
@@ -69,14 +73,8 @@ def trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects
 
     Args:
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet; index order ij.
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
-        x: Start, world frame [m]; in a cell that is not solid.
-        y: Start, world frame [m].
-        z: Start, world frame [m].
-        dx: Displacement, world frame [m]; of any length.
-        dy: Displacement, world frame [m].
-        dz: Displacement, world frame [m].
+        x, y, z: Start, world frame [m]; in a cell that is not solid.
+        dx, dy, dz: Displacement, world frame [m]; of any length.
         reflects: Whether walls reflect; otherwise the point slides along them.
 
     Returns:
@@ -140,14 +138,8 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
 
     Args:
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet; index order ij.
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
-        x: Start, world frame [m]; in a cell that is not solid.
-        y: Start, world frame [m].
-        z: Start, world frame [m].
-        dx: Displacement, world frame [m]; of any length.
-        dy: Displacement, world frame [m].
-        dz: Displacement, world frame [m].
+        x, y, z: Start, world frame [m]; in a cell that is not solid.
+        dx, dy, dz: Displacement, world frame [m]; of any length.
         reflects: Whether walls reflect; otherwise the point slides along them.
     """
     x, y, z, has_left, _, _, _ = trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=reflects)
@@ -160,12 +152,8 @@ def is_step_in_free_air(occupancy, i0, j0, k0, i1, j1, k1):
 
     Args:
         occupancy: (nx, ny, nz) uint8, 0 free.
-        i0: First cell, inside the grid (j0, k0 likewise).
-        j0: See i0.
-        k0: See i0.
-        i1: Second cell, anywhere (j1, k1 likewise).
-        j1: See i1.
-        k1: See i1.
+        i0, j0, k0: First cell, inside the grid.
+        i1, j1, k1: Second cell, anywhere.
     """
     nx, ny, nz = occupancy.shape
     if abs(i1 - i0) > 1 or abs(j1 - j0) > 1 or abs(k1 - k0) > 1:
@@ -190,8 +178,6 @@ def positions_in_cells(position_m, origin_m, cell_m, place):
 
     Args:
         position_m: (3 n,) centres, world frame, x y z of one filament after the other [m].
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
         place: (3 BATCH,) receives the places, axis after axis [1].
     """
     per_cell_m = 1.0 / cell_m
@@ -270,8 +256,6 @@ def wind_at_filaments_in_flat_grid(velocity_m_s, origin_m, cell_m, position_m, w
 
     Args:
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s]; index order ij.
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
         position_m: (3 n,) centres, world frame, x y z of one filament after the other [m].
         wind_m_s: (3 BATCH,) float32, receives the wind, world frame, axis after axis [m/s].
 
@@ -291,7 +275,6 @@ def find_reach(is_open, cell_m, n, cell, work):
 
     Args:
         is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `plume.find_open_cells`).
-        cell_m: Edge of the cubic cells [m].
         n: How many filaments, at most BATCH.
         cell: (BATCH,) int64 working memory.
         work: (N_WORK,) reads PLACE, sets REACH.
@@ -389,7 +372,6 @@ def displace_filaments(position_m, wind_m_s, cell_m, work):
     Args:
         position_m: (3 n,) centres, world frame, x y z of one filament after the other [m]; n at most BATCH.
         wind_m_s: (3 BATCH,) float32 wind, world frame, axis after axis [m/s].
-        cell_m: Edge of the cubic cells [m].
         work: (N_WORK,) reads PLACE, NORMAL, DT, ETA, RISE and REACH, sets MOVED and FATE (FREE or BOUNDED).
     """
     per_cell_m = 1.0 / cell_m
@@ -486,26 +468,9 @@ def _compact_remaining(position_m, sigma_m, birth_steps, filament_id, source_ind
 
 @numba.njit(cache=True, nogil=True)
 def move_filaments_inplace(
-    position_world_m,
-    sigma_m,
-    birth_steps,
-    filament_id,
-    source_index,
-    n,
-    source_sigma_m,
-    source_buoyancy,
-    buoyancy_power,
-    velocity_m_s,
-    occupancy,
-    is_open,
-    origin_m,
-    cell_m,
-    step,
-    step_s,
-    noise_std_m,
-    growth_m2_s,
-    key,
-):
+    position_world_m, sigma_m, birth_steps, filament_id, source_index, n, source_sigma_m, source_buoyancy,
+    buoyancy_power, velocity_m_s, occupancy, is_open, origin_m, cell_m, step, step_s, noise_std_m, growth_m2_s, key,
+):  # fmt: skip
     """Advance all filaments by one step and drop those that left through an outlet, keeping the order of birth.
 
     dp = (u(p) + b / sigma^q) dt + eta xi          xi standard normal per axis, eta = sqrt(2 D dt), b along z
@@ -530,8 +495,6 @@ def move_filaments_inplace(
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s], held over the step.
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
         is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `plume.find_open_cells`).
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
         step: Number of the step; it covers the time from (step - 1) dt to step dt.
         step_s: Length of a step dt [s].
         noise_std_m: Standard deviation eta of a whole step's random displacement per axis [m].

@@ -124,14 +124,8 @@ class FilamentTable:
 
     @property
     def _columns(self) -> tuple[NDArray[Any], ...]:
-        return (
-            self.position_m,
-            self.sigma_m,
-            self.birth_steps,
-            self.filament_id,
-            self.source_index,
-            self.own_velocity,
-        )
+        born = (self.birth_steps, self.filament_id, self.source_index)
+        return self.position_m, self.sigma_m, *born, self.own_velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,24 +199,22 @@ class Filaments:
         return int(self.gas_index.max(initial=0)) + 1
 
 
-def filament_amount_mol(ppm: float, sigma_m: float, air_mol_m3: float | None = None) -> float:
+def filament_amount_mol(ppm: float, sigma_m: float) -> float:
     """Return the moles of gas in a filament with a given mixing ratio at its centre.
 
-    N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3
+    N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3        n_air at 298 K and 1 atm
     [mol] = [1] [mol/m3] [m3]
 
     Args:
         ppm: Mixing ratio at the centre, parts per million by volume.
         sigma_m: Standard deviation [m].
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Source:
         GADEN, gaden_filament_simulator, with the full pi instead of 3.14159.
     Held by:
         tests/unit/services/fields/filament/test_plume.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
     """
-    density = air_density_mol_m3() if air_mol_m3 is None else air_mol_m3
-    return ppm * 1e-6 * density * (2.0 * math.pi) ** 1.5 * sigma_m**3
+    return ppm * 1e-6 * air_density_mol_m3() * (2.0 * math.pi) ** 1.5 * sigma_m**3
 
 
 # All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
@@ -261,7 +253,6 @@ class FilamentPlume:
             step_s: Length of a step [s].
             growth_m2_s: Growth of sigma^2 [m2/s].
             diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
-            seed: The run's seed.
             noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
             wind_at: The wind at a time [s] in place of the environment's, (nx, ny, n, 3) float32, n = nz or 1.
             air: Turbulence that moves filaments and makes them grow, in place of diffusivity, noise and growth.
@@ -336,15 +327,15 @@ class FilamentPlume:
             gas_index=self._gas_index,
         )
 
-    def add_filaments(self, position_world_m: NDArray[np.float64], *, i_source: int = 0) -> None:
-        """Add filaments of a source at (n, 3) places, world frame [m], born now: tracers, or gas that is there already.
+    def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
+        """Add filaments of the first source at (n, 3) places, world frame [m]: tracers, or gas that is there already.
 
-        They are filaments like all others from then on, until the next reset.
+        They are born now, and filaments like all others until the next reset.
         """
         n_new = len(position_world_m)
         self._make_room_for(n_new)
         self._table.position_m[self._n : self._n + n_new] = position_world_m
-        self._register(i_source, [self.time_s] * n_new)
+        self._register(0, [self.time_s] * n_new)
 
     def change_source(self, i_source: int, change: SourceChange) -> None:
         """Change a source from the next step on, until the next reset."""
@@ -393,51 +384,22 @@ class FilamentPlume:
         self._n = n_left
 
     def _move(self, wind_m_s: NDArray[np.float32]) -> int:
-        grid, table = self._environment.grid, self._table
+        grid, room, table = self._environment.grid, self._room, self._table
         return move_filaments_inplace(
-            table.position_m,
-            table.sigma_m,
-            table.birth_steps,
-            table.filament_id,
-            table.source_index,
-            self._n,
-            self._sigma0_m,
-            self._buoyancy,
-            self._buoyancy_power,
-            wind_m_s,
-            self._room.occupancy,
-            self._room.is_open,
-            grid.origin_m,
-            grid.cell_m,
-            self._step,
-            self._step_s,
-            self._noise_std_m,
-            self._growth_m2_s,
-            self._draws.key,
-        )
+            table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index, self._n,
+            self._sigma0_m, self._buoyancy, self._buoyancy_power, wind_m_s,
+            room.occupancy, room.is_open, grid.origin_m, grid.cell_m, self._step, self._step_s, self._noise_std_m,
+            self._growth_m2_s, self._draws.key,
+        )  # fmt: skip
 
     def _move_in_turbulence(self, wind_m_s: NDArray[np.float32], air: TurbulentAir, eddies: LargeEddies) -> int:
         grid, table = self._environment.grid, self._table
         return move_turbulent_filaments_inplace(
-            table.position_m,
-            table.sigma_m,
-            table.birth_steps,
-            table.filament_id,
-            table.source_index,
-            table.own_velocity,
-            self._n,
-            self._buoyancy,
-            self._buoyancy_power,
-            wind_m_s,
-            air.nodes_in(wind_m_s),
-            eddies.at((self._step - 0.5) * self._step_s),
-            self._room.occupancy,
-            grid.origin_m,
-            grid.cell_m,
-            self._step,
-            self._step_s,
-            self._draws.key,
-        )
+            table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index,
+            table.own_velocity, self._n, self._buoyancy, self._buoyancy_power, wind_m_s, air.nodes_in(wind_m_s),
+            eddies.at((self._step - 0.5) * self._step_s), self._room.occupancy, grid.origin_m, grid.cell_m,
+            self._step, self._step_s, self._draws.key,
+        )  # fmt: skip
 
     def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:
         return self._wind_m_s[self._environment.wind.frame_at(time_s)]

@@ -1,6 +1,7 @@
 """Release of filaments: times of birth by schedule, positions in a source's shape, and the source's valve."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -67,8 +68,20 @@ class PoissonRelease:
         return _PoissonBirths(filaments_per_s=self.filaments_per_s, rng=rng)
 
 
+class PiecewiseRelease(ABC):
+    """A rate that is constant for a span, one span after the other."""
+
+    def start(self, rng: np.random.Generator) -> BirthSequence:
+        """Return the release from time 0 on; see `ReleasePlan`."""
+        return _PiecewiseBirths(plan=self, rng=rng)
+
+    @abstractmethod
+    def span(self, n: int, rng: np.random.Generator) -> tuple[float, float]:
+        """Return the end [s] and the rate [1/s] of the n-th span, from 1; each is asked for once, in order."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class VariableRelease:
+class VariableRelease(PiecewiseRelease):
     """A rate that is drawn again every `interval_s`, uniform from 0 to `filaments_per_s`: half of it in the mean.
 
     Source: GADEN's variable rate, which draws for each step of its own; here the interval is a parameter.
@@ -77,78 +90,36 @@ class VariableRelease:
     filaments_per_s: float
     interval_s: float = 1.0
 
-    def start(self, rng: np.random.Generator) -> BirthSequence:
-        """Return a process that draws one rate for each interval."""
-        return _PiecewiseBirths(segments=_DrawnSegments(plan=self, rng=rng))
+    def span(self, n: int, rng: np.random.Generator) -> tuple[float, float]:
+        """Draw a rate for each interval."""
+        return n * self.interval_s, self.filaments_per_s * float(rng.random())
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntermittentRelease:
+class IntermittentRelease(PiecewiseRelease):
     """Releases for `on_s` and pauses for `off_s`, over and over, beginning with a release."""
 
     filaments_per_s: float
     on_s: float
     off_s: float
 
-    def start(self, rng: np.random.Generator) -> BirthSequence:
-        """Return a process without chance."""
-        del rng
-        return _PiecewiseBirths(segments=_PeriodicSegments(plan=self))
+    def span(self, n: int, rng: np.random.Generator) -> tuple[float, float]:
+        """Return releases and pauses in turn."""
+        i, is_pause = divmod(n - 1, 2)
+        period_s = self.on_s + self.off_s
+        return ((i + 1) * period_s, 0.0) if is_pause else (i * period_s + self.on_s, self.filaments_per_s)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScheduledRelease:
+class ScheduledRelease(PiecewiseRelease):
     """A rate that changes at given times: `schedule` holds (time_s, filaments_per_s), ascending; 0 before the first."""
 
     schedule: tuple[tuple[float, float], ...]
 
-    def start(self, rng: np.random.Generator) -> BirthSequence:
-        """Return a process without chance."""
-        del rng
-        times_s = [time_s for time_s, _ in self.schedule]
-        rates = [0.0, *(rate for _, rate in self.schedule)]
-        return _PiecewiseBirths(segments=_ListedSegments(tuple(zip([*times_s, math.inf], rates, strict=True))))
-
-
-# Spans of constant rate, one after the other, as (end_s, rate). They are objects with fields, and no generators, so
-# that a snapshot can hold how far they are.
-class _Segments(Protocol):
-    def following(self) -> tuple[float, float]: ...
-
-
-@dataclass(kw_only=True)
-class _DrawnSegments:
-    plan: VariableRelease
-    rng: np.random.Generator
-    n: int = 0
-
-    def following(self) -> tuple[float, float]:
-        self.n += 1
-        return self.n * self.plan.interval_s, self.plan.filaments_per_s * float(self.rng.random())
-
-
-@dataclass(kw_only=True)
-class _PeriodicSegments:
-    plan: IntermittentRelease
-    n: int = 0
-
-    def following(self) -> tuple[float, float]:
-        i, is_pause = divmod(self.n, 2)
-        self.n += 1
-        period_s = self.plan.on_s + self.plan.off_s
-        if is_pause:
-            return (i + 1) * period_s, 0.0
-        return i * period_s + self.plan.on_s, self.plan.filaments_per_s
-
-
-@dataclass
-class _ListedSegments:
-    items: tuple[tuple[float, float], ...]
-    n: int = 0
-
-    def following(self) -> tuple[float, float]:
-        self.n += 1
-        return self.items[self.n - 1]
+    def span(self, n: int, rng: np.random.Generator) -> tuple[float, float]:
+        """Return the span before the n-th time; the last one has no end."""
+        end_s = self.schedule[n - 1][0] if n <= len(self.schedule) else math.inf
+        return end_s, self.schedule[n - 2][1] if n > 1 else 0.0
 
 
 @dataclass(kw_only=True)
@@ -172,9 +143,11 @@ class _PoissonBirths:
 
 @dataclass(kw_only=True)
 class _PiecewiseBirths:
-    # Births where the integral of a piecewise constant rate passes 1, 2, …; `segments` gives (end_s, rate).
-    # `begin_s` and `expected` are time and integral at the current segment's begin.
-    segments: _Segments
+    # Births where the integral of a piecewise constant rate passes 1, 2, …; `begin_s` and `expected` are time and
+    # integral at the begin of the current span, the `n_spans`-th. No generator, so that a snapshot can hold it.
+    plan: PiecewiseRelease
+    rng: np.random.Generator
+    n_spans: int = 0
     begin_s: float = 0.0
     expected: float = 0.0
     n_born: int = 0
@@ -194,7 +167,8 @@ class _PiecewiseBirths:
                 return births
             self.expected += self.rate * (self.end_s - self.begin_s)
             self.begin_s = self.end_s
-            self.end_s, self.rate = self.segments.following()
+            self.n_spans += 1
+            self.end_s, self.rate = self.plan.span(self.n_spans, self.rng)
 
 
 ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]

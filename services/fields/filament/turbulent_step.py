@@ -59,25 +59,9 @@ def grown_variance_m2(variance_m2, epsilon_root, length_m, dt_s):
 
 @numba.njit(cache=True, nogil=True)
 def move_turbulent_filaments_inplace(
-    position_world_m,
-    sigma_m,
-    birth_steps,
-    filament_id,
-    source_index,
-    own_velocity,
-    n,
-    source_buoyancy,
-    buoyancy_power,
-    velocity_m_s,
-    air,
-    layers,
-    occupancy,
-    origin_m,
-    cell_m,
-    step,
-    step_s,
-    key,
-):
+    position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, n, source_buoyancy, buoyancy_power,
+    velocity_m_s, air, layers, occupancy, origin_m, cell_m, step, step_s, key,
+):  # fmt: skip
     """Advance all filaments by one step in turbulent air and drop those that left through an outlet.
 
     dp = (U + u + b / sigma^q) dt + s v dt

@@ -67,8 +67,7 @@ def advance_wind_inplace(wind_m_s, spare_m_s, dx_m, dy_m, viscosity_m2_s, dt_s, 
     Args:
         wind_m_s: (nx, ny, 2) wind at nodes, world frame xy [m/s]; modified.
         spare_m_s: (nx, ny, 2) working memory.
-        dx_m: Distance of nodes along x [m].
-        dy_m: Distance of nodes along y [m].
+        dx_m, dy_m: Distance of nodes along x, y [m].
         viscosity_m2_s: Eddy viscosity nu, half of Farrell's K [m2/s].
         dt_s: Step [s]; stable below `gslcosim_services.fields.models.farrell.stable_step_s`.
         n_steps: How many.
@@ -136,14 +135,11 @@ def blow_inplace(
     Args:
         wind_m_s: (nx, ny, 2) wind at nodes, world frame xy [m/s]; modified.
         spare_m_s: (nx, ny, 2) working memory.
-        gusts_m_s: (2, 4) see `advance_gusts_inplace`; modified.
-        rates_m_s2: (2, 4) see `advance_gusts_inplace`; modified.
+        gusts_m_s, rates_m_s2: (2, 4) see `advance_gusts_inplace`; modified.
         mean_m_s: (2,) mean wind [m/s].
-        transition: (2, 2) see `advance_gusts_inplace`.
-        spread: (2, 2) see `advance_gusts_inplace`.
+        transition, spread: (2, 2) see `advance_gusts_inplace`.
         draws: (n, 2, 4, 2) standard normal numbers.
-        dx_m: Distance of nodes along x [m].
-        dy_m: Distance of nodes along y [m].
+        dx_m, dy_m: Distance of nodes along x, y [m].
         viscosity_m2_s: Eddy viscosity [m2/s].
         dt_s: Length of a substep [s].
         n_substeps: Substeps of the inside in a step of the clock.
@@ -164,8 +160,7 @@ def wind_in_cells(wind_m_s, nx, ny):
 
     Args:
         wind_m_s: (mx, my, 2) wind at nodes, the outermost on the border of the field [m/s].
-        nx: Cells along x.
-        ny: Cells along y.
+        nx, ny: Cells along x, y.
 
     Returns:
         (nx, ny, 1, 3) float32 wind, horizontal and the same at all heights [m/s].
@@ -370,20 +365,10 @@ class FarrellWind:
         n_due = int(time_s / WIND_STEP_S + 1e-6) - state.n_clock
         if n_due > 0:
             blow_inplace(
-                state.wind_m_s,
-                state.spare_m_s,
-                state.gust_m_s,
-                state.rate_m_s2,
-                self._mean_m_s,
-                self._transition,
-                self._spread,
-                state.rng.standard_normal((n_due, 2, 4, 2)),
-                self._dx_m,
-                self._dy_m,
-                self._viscosity_m2_s,
-                WIND_STEP_S / self._n_substeps,
-                self._n_substeps,
-            )
+                state.wind_m_s, state.spare_m_s, state.gust_m_s, state.rate_m_s2, self._mean_m_s, self._transition,
+                self._spread, state.rng.standard_normal((n_due, 2, 4, 2)), self._dx_m, self._dy_m, self._viscosity_m2_s,
+                WIND_STEP_S / self._n_substeps, self._n_substeps,
+            )  # fmt: skip
             state.n_clock += n_due
             state.in_cells = wind_in_cells(state.wind_m_s, *self._cells)
         return state.in_cells

@@ -118,7 +118,6 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
 
     Args:
         gas: Its `turbulence`.
-        environment: The room.
         speed_m_s: Mean speed of the gas's own wind, in air that goes on beyond the grid; absent: the room's wind.
 
     Raises:
@@ -183,8 +182,6 @@ def build_gas_model(
     """Build the filaments of a scenario in its room; the gas that is searched for comes first.
 
     Args:
-        scenario: Its `gas`.
-        environment: Its room.
         wind_at: The wind at a time [s] in place of the room's; see `FilamentPlume`.
         own_speed_m_s: Mean speed of that wind, where the gas has its own and the air goes on beyond the grid.
 

@@ -68,9 +68,7 @@ class FormulaField(TimedField):
 
         Args:
             plumes_of: Returns the plumes of a seed.
-            gases: Names of the gases.
             step_s: Length of a step [s].
-            seed: The first seed.
         """
         super().__init__(gases, step_s)
         self._plumes_of = plumes_of

@@ -91,9 +91,7 @@ def wind_with_slopes(velocity_m_s, origin_m, cell_m, x, y, z):
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        x: Point, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
+        x, y, z: Point, world frame [m].
 
     Returns:
         Twelve numbers: u, v, w [m/s], then the slopes along x, y and z of u, of v and of w [1/s].
@@ -130,9 +128,7 @@ def node_value_with_slopes(nodes, column, origin_m, cell_m, x, y, z):
         column: Which.
         origin_m: (3,) corner (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        x: Point, world frame [m], in the grid; y and z likewise.
-        y: See x.
-        z: See x.
+        x, y, z: Point, world frame [m], in the grid.
     """
     sx, sy, sz = (x - origin_m[0]) / cell_m, (y - origin_m[1]) / cell_m, (z - origin_m[2]) / cell_m
     i = min(max(np.int64(sx), 0), nodes.shape[0] - 2)

@@ -68,9 +68,7 @@ def potential_at(p, px, py, pz):
 
     Args:
         p: (n n (n + 2) 3) float32 numbers at nodes, n periodic along x and y, along z with the first two again.
-        px: Place in units of nodes; py and pz likewise.
-        py: See px.
-        pz: See px.
+        px, py, pz: Place in units of nodes.
 
     Returns:
         Twelve float32: the components x, y, z, then the slopes along x, y, z of x, of y and of z, per node.
@@ -113,9 +111,7 @@ def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope):
 
     Args:
         layers: `EddyLayers`.
-        x: Point, world frame [m]; y and z likewise.
-        y: See x.
-        z: See x.
+        x, y, z: Point, world frame [m].
         wind: Twelve numbers, see `wind_with_slopes`: the mean wind U that carries them, smooth over their size.
         amplitude: Amplitude A of the potential there [m2/s]; zero at walls, so that no eddy blows through them.
         amplitude_slope: Its gradient [m/s], three numbers.

@@ -62,11 +62,8 @@ class PointTurbulence:
         """Prepare.
 
         Args:
-            air: Turbulence of the room.
-            grid: The room's.
             inner_intensity: Standard deviation over mean of gas within filaments.
             wind_at: Mean wind at cell centres at a time [s].
-            seed: Of the gas.
         """
         self._air = air
         self._grid = grid

@@ -1,9 +1,7 @@
 """Rows of one agent: its vehicle, waypoints, sensor readings and score, beliefs, and columns that no view draws."""
 
 import math
-from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -32,104 +30,67 @@ from gslcosim.scenario.models.sensors import (
     TdlasSensorSpec,
 )
 from gslcosim_services.recorder import colors
+from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.entities import AgentEntities
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.columns import (
     MARKER_RADIUS_M,
     WAYPOINT_RADIUS_M,
     CurveRows,
+    Marker,
     MarkerRows,
     PlanRows,
     PoseRows,
-    ReadingRows,
     Rows,
     ScalarRows,
     TrackRows,
     split_columns,
 )
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
-from gslcosim_services.recorder.scene import draw_vehicle, picture_format, slice_height_m
-from gslcosim_services.recorder.stream_table import (
-    APPARENT_WIND,
-    BELIEF,
-    BELIEF_DISTANCE,
-    BELIEF_MASS,
-    DECISION_TIME,
-    DISTANCE,
-    MARKS,
-    MIXING_RATIO,
-    NOTE_MODE,
-    NOTE_VALUES,
-    PLANNED_PATH,
-    POINT_CLOUDS,
-    RESPONSE,
-    TRACK,
-    TRACK_LINE,
-    TRACKING_ERROR,
-    TRUE_WIND,
-    TRUE_WIND_SPEED,
-    WAYPOINTS,
-    WIND_FROM,
-    WIND_SPEED,
-    Stream,
-    split_values,
-)
-from gslcosim_services.sensing.models.range_finders import ray_directions_body
+from gslcosim_services.recorder.scene import draw_vehicle, image_format, slice_height_m
+from gslcosim_services.recorder.stream_table import Stream, split_values
 
 
-class WindColumnRows:
+class WindColumnRows(Rows[Sequence[float]]):
     """Column of an anemometer that no curve draws, in single precision: a wind, or where it is from.
 
     Args:
         stream: Which it is; its component is the column's name.
-        entity: Where it stands.
     """
 
-    def __init__(self, stream: Stream, entity: str) -> None:
+    def __init__(self, entity: str, stream: Stream) -> None:
+        super().__init__(entity)
         self._column = stream.component
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._numbers = array("f")
 
-    def extend(self, ticks: Sequence[int], numbers: Iterable[Sequence[float]]) -> None:
-        """Append the numbers at the ends of ticks."""
-        self._ticks += ticks
-        self._numbers.extend(chain.from_iterable(numbers))
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if self._ticks:
-            numbers: Any = pa.array(np.array(self._numbers, dtype=np.float32))
-            width = len(numbers) // len(self._ticks)
-            rows: Any = numbers if width == 1 else pa.FixedSizeListArray.from_arrays(numbers, width)
-            file.send(self._entity, self._ticks, rr.AnyValues.columns(**{self._column: rows}))
-            self._ticks, self._numbers = [], array("f")
+    def _columns(self, items: Sequence[Sequence[float]]) -> rr.ComponentColumnList:
+        numbers: Any = pa.array(np.array(items, dtype=np.float32).ravel())
+        width = len(items[0])
+        rows: Any = numbers if width == 1 else pa.FixedSizeListArray.from_arrays(numbers, width)
+        return rr.AnyValues.columns(**{self._column: rows})
 
 
 class AnemometerRows:
-    """The speed that an anemometer reports as a curve, and the rest of what it reports as a column beside the plots.
+    """Wind at an anemometer, true or as it reports it: its speed as a curve, and the rest as a column beside the plots.
 
     Args:
-        names: The agent's entities.
-        sensor: Name of the anemometer.
-        has_bearing: Whether it reports speed and direction, and not a vector.
+        rest: That of the rest: a vector, or where the wind is from, then behind the speed.
     """
 
-    def __init__(self, names: AgentEntities, sensor: str, *, has_bearing: bool) -> None:
-        stream = WIND_FROM if has_bearing else APPARENT_WIND
-        self._speed = ScalarRows(names.at(WIND_SPEED, sensor=sensor))
-        self._rest = WindColumnRows(stream, names.at(stream, sensor=sensor))
-        self._has_bearing = has_bearing
+    def __init__(self, names: AgentEntities, sensor: str, speed: Stream, rest: Stream) -> None:
+        self._speed = ScalarRows(names.at(speed, sensor=sensor))
+        self._rest = WindColumnRows(names.at(rest, sensor=sensor), rest)
+        self._stream = rest
 
-    def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
-        """Append readings that mean something, at the ends of their ticks."""
-        values = [reading.values for reading in readings]
-        if self._has_bearing:
+    def extend(self, ticks: Sequence[int], values: Sequence[Sequence[float]]) -> None:
+        """Append values at the ends of ticks."""
+        if self._stream is streams.WIND_FROM:
             self._speed.extend(ticks, [part[0] for part in values])
-            self._rest.extend(ticks, [part[1:] for part in values])
+            values = [part[1:] for part in values]
+        elif self._stream is streams.TRUE_WIND:
+            self._speed.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in values])
         else:
             self._speed.extend(ticks, [math.hypot(*wind_m_s) for wind_m_s in values])
-            self._rest.extend(ticks, values)
+        self._rest.extend(ticks, values)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
@@ -137,62 +98,34 @@ class AnemometerRows:
         self._rest.send(file)
 
 
-class TrueWindRows:
-    """The true wind at an anemometer: its speed as a curve, and the vector as a column beside the plots."""
-
-    def __init__(self, names: AgentEntities, sensor: str) -> None:
-        self._speed = ScalarRows(names.at(TRUE_WIND_SPEED, sensor=sensor))
-        self._wind = WindColumnRows(TRUE_WIND, names.at(TRUE_WIND, sensor=sensor))
-
-    def extend(self, ticks: Sequence[int], winds_m_s: Sequence[Vec3]) -> None:
-        """Append the wind at the ends of ticks."""
-        self._speed.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in winds_m_s])
-        self._wind.extend(ticks, winds_m_s)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        self._speed.send(file)
-        self._wind.send(file)
-
-
-class BeliefPictureRows:
+class BeliefPictureRows(Rows[Belief]):
     """A belief as a picture at its height: brightest in the most probable cell, by the square root of the probability.
 
     A belief in space is drawn as its sum over the height.
     """
 
     def __init__(self, entity: str, height_m: float) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._height_m = height_m
         self._colors = colors.belief_colors()
-        self._ticks: list[int] = []
-        self._beliefs: list[Belief] = []
-
-    def add(self, tick: int, belief: Belief) -> None:
-        """Append a belief at a tick."""
-        self._ticks.append(tick)
-        self._beliefs.append(belief)
 
     def send(self, file: RecordingFile) -> None:
-        """Write the waiting beliefs, if any, and forget them."""
-        for tick, belief in zip(self._ticks, self._beliefs, strict=True):
-            p = sum_over_height(belief)
-            file.send(
-                self._entity,
-                [tick],
-                rr.GridMap.columns(
-                    data=[self._picture(p)],
-                    format=[picture_format(*p.shape)],
-                    cell_size=[belief.cell_m],
-                    translation=[(*belief.origin_m[:2], slice_height_m(self._height_m))],
-                ),
-            )
-        self._ticks, self._beliefs = [], []
+        """Write the waiting beliefs one by one, as each has a grid of its own, and forget them."""
+        for tick, belief in zip(self._ticks, self._items, strict=True):
+            file.send(self._entity, [tick], self._columns([belief]))
+        self._ticks, self._items = [], []
 
-    # Rows of a picture run from the far side (largest y) to the near one.
-    def _picture(self, p: NDArray[np.float64]) -> bytes:
+    def _columns(self, items: Sequence[Belief]) -> rr.ComponentColumnList:
+        (belief,) = items
+        p = sum_over_height(belief)
         levels = (np.sqrt(p / p.max()) * (colors.N_LEVELS - 1)).astype(np.uint8)
-        return self._colors[levels.T[::-1]].tobytes()
+        return rr.GridMap.columns(
+            # Rows of a picture run from the far side (largest y) to the near one.
+            data=[self._colors[levels.T[::-1]].tobytes()],
+            format=[image_format(*p.shape, color_model="RGBA")],
+            cell_size=[belief.cell_m],
+            translation=[(*belief.origin_m[:2], slice_height_m(self._height_m))],
+        )
 
 
 class BeliefRows:
@@ -200,13 +133,13 @@ class BeliefRows:
 
     def __init__(self, names: AgentEntities) -> None:
         self._names = names
-        self.picture = BeliefPictureRows(names.at(BELIEF), names.agent.vehicle.search_height_m)
-        self.mass_near = ScalarRows(names.at(BELIEF_MASS))
-        self.expected_distance = ScalarRows(names.at(BELIEF_DISTANCE))
+        self.picture = BeliefPictureRows(names.at(streams.BELIEF), names.agent.vehicle.search_height_m)
+        self.mass_near = ScalarRows(names.at(streams.BELIEF_MASS))
+        self.expected_distance = ScalarRows(names.at(streams.BELIEF_DISTANCE))
         self.has_any = False
         self._last: BeliefScore | None = None
 
-    def all(self) -> tuple[BeliefPictureRows, ScalarRows, ScalarRows]:
+    def all(self) -> tuple[Rows[Any], ...]:
         """Return the rows of every entity."""
         return self.picture, self.mass_near, self.expected_distance
 
@@ -225,18 +158,14 @@ class BeliefRows:
     def draw(self, file: RecordingFile, *, label: str) -> None:
         """Say how the curves look; `label` precedes their names."""
         names = self._names
-        styles = {BELIEF_MASS: "belief near the source", BELIEF_DISTANCE: "expected by belief"}
+        styles = {streams.BELIEF_MASS: "belief near the source", streams.BELIEF_DISTANCE: "expected by belief"}
         for stream, text in styles.items():
             shade = colors.plan_color(names.color)
             file.draw(names.at(stream), rr.SeriesLines(names=[f"{label}{text}"], colors=[shade], widths=[1.5]))
 
 
 class NoteRows:
-    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve.
-
-    Args:
-        names: The agent's entities.
-    """
+    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve."""
 
     def __init__(self, names: AgentEntities) -> None:
         self._names = names
@@ -253,14 +182,14 @@ class NoteRows:
             self._changes.append((tick, note.mode))
         for name, value in note.values.items():
             if name not in self._values:
-                self._values[name] = ScalarRows(self._names.at(NOTE_VALUES, value=name))
+                self._values[name] = ScalarRows(self._names.at(streams.NOTE_VALUES, value=name))
             self._values[name].add(tick, value)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._changes:
             ticks, modes = zip(*self._changes, strict=True)
-            file.send(self._names.at(NOTE_MODE), ticks, rr.StateChange.columns(state=modes))
+            file.send(self._names.at(streams.NOTE_MODE), ticks, rr.StateChange.columns(state=modes))
             self._changes = []
         for rows in self._values.values():
             rows.send(file)
@@ -282,24 +211,27 @@ class AgentRows:
         self.names = names
         self._tick_ns = tick_ns
         self._poses = PoseHistory(names.agent.sensors, tick_ns)
-        self.pose = PoseRows(names.at(TRACK))
-        self.track = TrackRows(names.at(TRACK_LINE))
-        self.plan = PlanRows(names.at(PLANNED_PATH))
-        self.waypoints = MarkerRows(names.at(WAYPOINTS), radius_m=WAYPOINT_RADIUS_M)
-        self.markers = MarkerRows(names.at(MARKS), radius_m=MARKER_RADIUS_M)
-        self.distance = ScalarRows(names.at(DISTANCE))
-        self.tracking_error = ScalarRows(names.at(TRACKING_ERROR))
-        self.decision = ScalarRows(names.at(DECISION_TIME))
+        self.pose = PoseRows(names.at(streams.TRACK))
+        self.track = TrackRows(names.at(streams.TRACK_LINE))
+        self.plan = PlanRows(names.at(streams.PLANNED_PATH))
+        self.waypoints = MarkerRows(names.at(streams.WAYPOINTS), radius_m=WAYPOINT_RADIUS_M)
+        self.markers = MarkerRows(names.at(streams.MARKS), radius_m=MARKER_RADIUS_M)
+        self.distance = ScalarRows(names.at(streams.DISTANCE))
+        self.tracking_error = ScalarRows(names.at(streams.TRACKING_ERROR))
+        self.decision = ScalarRows(names.at(streams.DECISION_TIME))
         self.belief = BeliefRows(names)
         self.notes = NoteRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
         self._mission: tuple[Waypoint, ...] | None = None
         self._gas = {
-            (sensor.name, gas): ScalarRows(names.at(MIXING_RATIO, sensor=sensor.name, gas=gas))
+            (sensor.name, gas): ScalarRows(names.at(streams.MIXING_RATIO, sensor=sensor.name, gas=gas))
             for sensor in names.gas_sensors
             for gas in gases
         }
-        self._true_wind = {sensor.name: TrueWindRows(names, sensor.name) for sensor in names.wind_sensors}
+        self._true_wind = {
+            sensor.name: AnemometerRows(names, sensor.name, streams.TRUE_WIND_SPEED, streams.TRUE_WIND)
+            for sensor in names.wind_sensors
+        }
         lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
         self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
         self._in_space = {
@@ -308,7 +240,7 @@ class AgentRows:
         self._readings = self._reading_rows()
         self.shows_space = bool(self._in_space or self._beams)
 
-    def all(self) -> list[Rows]:
+    def all(self) -> list[Rows[Any] | AnemometerRows | NoteRows]:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
         own = (*own, self.decision, self.notes)
@@ -321,11 +253,11 @@ class AgentRows:
         """Draw the vehicle and say how lines and curves look; `label` precedes the names of curves."""
         names = self.names
         # A name beside the only vehicle would hide what it comes to.
-        draw_vehicle(file, names.at(TRACK), names.agent, names.color, is_named=bool(label))
-        file.draw(names.at(TRACK_LINE), rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
+        draw_vehicle(file, names.at(streams.TRACK), names.agent, names.color, is_named=bool(label))
+        file.draw(names.at(streams.TRACK_LINE), rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
         if names.agent.vehicle.avoidance != "none":
             color = colors.plan_color(names.color)
-            file.draw(names.at(PLANNED_PATH), rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
+            file.draw(names.at(streams.PLANNED_PATH), rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
         for rows in (*self._in_space.values(), *self._beams.values()):
             rows.draw(file)
         for entity, names_and_colors in self._styles(label).items():
@@ -338,10 +270,7 @@ class AgentRows:
         """Take note of what sensors see around the vehicle, while the pose is known from which they have seen it.
 
         Args:
-            tick: At whose end.
-            body: The vehicle.
             samples: The truth at the sensors of all vehicles.
-            observation: What its sensors report.
         """
         if body is not None:
             self._poses.add(tick, body)
@@ -351,14 +280,14 @@ class AgentRows:
         for reading in observation.readings if observation else ():
             rows = self._in_space.get(reading.sensor)
             if rows is not None:
-                rows.add(tick, reading)
+                rows.add_reading(tick, reading)
 
     def note_bodies(self, ticks: Sequence[int], bodies: Sequence[BodyState]) -> None:
         """Take note of where the vehicle is at the ends of ticks."""
         positions_m = [body.position_world_m for body in bodies]
-        self.pose.extend(ticks, positions_m, [body.quaternion_wxyz for body in bodies])
-        self.track.extend(ticks, positions_m)
-        self.plan.extend(ticks, positions_m, [body.planned_path_world_m for body in bodies])
+        self.pose.extend(ticks, [(body.position_world_m, body.quaternion_wxyz) for body in bodies])
+        self.track.add_positions(ticks, positions_m)
+        self.plan.add_paths(ticks, positions_m, [body.planned_path_world_m for body in bodies])
         errors_m = [error_m for body in bodies if (error_m := body.tracking_error_m) is not None]
         if len(errors_m) < len(bodies):
             ticks = [tick for tick, body in zip(ticks, bodies, strict=True) if body.tracking_error_m is not None]
@@ -382,8 +311,9 @@ class AgentRows:
         if any(reading.is_warming_up for reading in readings):
             meaningful = [noted for noted in zip(ticks, readings, strict=True) if not noted[1].is_warming_up]
             ticks, readings = [tick for tick, _ in meaningful], [reading for _, reading in meaningful]
+        values = [reading.values for reading in readings]
         for rows in all_rows:
-            rows.extend(ticks, readings)
+            rows.extend(ticks, values)
 
     def note_scores(self, ticks: Sequence[int], standings: Sequence[AgentScore]) -> None:
         """Take note of the referee's scores of it at the ends of ticks."""
@@ -399,26 +329,27 @@ class AgentRows:
         if command.belief is not None:
             self.belief.note_belief(tick, command.belief)
         if command.kind == "waypoint" and command.position_world_m is not None:
-            self.waypoints.add(tick, command.position_world_m, "", self.names.color)
+            self.waypoints.add(tick, Marker(command.position_world_m, "", self.names.color))
         elif command.kind == "mission" and command.waypoints != self._mission:
             self._mission = command.waypoints
             for point in command.waypoints or ():
-                self.waypoints.add(tick, point.position_world_m, "", self.names.color)
+                self.waypoints.add(tick, Marker(point.position_world_m, "", self.names.color))
         elif command.kind == "declare_source" and command.declaration is not None:
-            self.markers.add(tick, command.declaration.position_world_m, "declared", self.names.color)
+            place_m = command.declaration.position_world_m
+            self.markers.add(tick, Marker(place_m, "declared", self.names.color))
 
-    def _reading_rows(self) -> Mapping[str, tuple[ReadingRows, ...]]:
+    def _reading_rows(self) -> Mapping[str, tuple[CurveRows | AnemometerRows, ...]]:
         names = self.names
-        rows: dict[str, tuple[ReadingRows, ...]] = {}
+        rows: dict[str, tuple[CurveRows | AnemometerRows, ...]] = {}
         for sensor in names.gas_sensors:
             # The first number of a reading is what a gas sensor reports.
-            rows[sensor.name] = (CurveRows(names.at(RESPONSE, sensor=sensor.name), slice(1)),)
+            rows[sensor.name] = (CurveRows(names.at(streams.RESPONSE, sensor=sensor.name), slice(1)),)
         for sensor in names.wind_sensors:
-            has_bearing = sensor.name in names.bearing_sensors
-            rows[sensor.name] = (AnemometerRows(names, sensor.name, has_bearing=has_bearing),)
-        for sensor, streams in names.on_board_sensors:
-            entities = [names.at(stream, sensor=sensor.name) for stream in streams]
-            parts = zip(entities, split_values(streams), strict=True)
+            rest = streams.WIND_FROM if sensor.name in names.bearing_sensors else streams.APPARENT_WIND
+            rows[sensor.name] = (AnemometerRows(names, sensor.name, streams.WIND_SPEED, rest),)
+        for sensor, own in names.on_board_sensors:
+            entities = [names.at(stream, sensor=sensor.name) for stream in own]
+            parts = zip(entities, split_values(own), strict=True)
             rows[sensor.name] = tuple(CurveRows(entity, part) for entity, part in parts)
         return rows
 
@@ -426,46 +357,41 @@ class AgentRows:
     def _styles(self, label: str) -> dict[str, list[tuple[str, colors.Rgb]]]:
         names = self.names
         styles = {
-            names.at(DISTANCE): [(label.strip() or "distance", names.color)],
-            names.at(TRACKING_ERROR): [(label.strip() or "error", names.color)],
-            names.at(DECISION_TIME): [(label.strip() or "decision", names.color)],
+            names.at(streams.DISTANCE): [(label.strip() or "distance", names.color)],
+            names.at(streams.TRACKING_ERROR): [(label.strip() or "error", names.color)],
+            names.at(streams.DECISION_TIME): [(label.strip() or "decision", names.color)],
         }
         n_gases = len({gas for _, gas in self._gas})
         for i, (sensor, gas) in enumerate(self._gas):
             of_gas = f" {gas}" if n_gases > 1 else ""
-            entity = names.at(MIXING_RATIO, sensor=sensor, gas=gas)
+            entity = names.at(streams.MIXING_RATIO, sensor=sensor, gas=gas)
             styles[entity] = [(f"{label}{sensor}{of_gas}", colors.shade(names.color, i))]
         for i, sensor in enumerate(names.gas_sensors):
-            entity = names.at(RESPONSE, sensor=sensor.name)
+            entity = names.at(streams.RESPONSE, sensor=sensor.name)
             styles[entity] = [(f"{label}{sensor.name}", colors.shade(names.color, i))]
         for i, sensor in enumerate(names.wind_sensors):
             of_sensor = f"{sensor.name} " if len(names.wind_sensors) > 1 else ""
             measured = colors.shade(names.color if label else colors.WIND, i)
-            styles[names.at(WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
-            styles[names.at(TRUE_WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
-        for sensor, streams in names.on_board_sensors:
-            for stream in streams:
+            styles[names.at(streams.WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
+            styles[names.at(streams.TRUE_WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
+        for sensor, own in names.on_board_sensors:
+            for stream in own:
                 if stream.axes:
                     drawn = [(axis, colors.axis_color(axis, i)) for i, axis in enumerate(stream.axes)]
                     styles[names.at(stream, sensor=sensor.name)] = drawn
         return styles
 
     def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
-        entity, timing, color = (
-            self.names.at(POINT_CLOUDS, sensor=sensor.name),
-            RowTiming(sensor, self._tick_ns),
-            self.names.color,
-        )
+        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
         if isinstance(sensor, LidarSensorSpec):
-            return LidarRows(entity, sensor, self._poses, timing, color)
+            return LidarRows(entity, sensor, self._poses, timing, self.names.color)
         if isinstance(sensor, RaySensorSpec):
-            return RayRows(entity, sensor, self._poses, timing, ray_directions_body(sensor), color)
-        if isinstance(sensor, CameraSensorSpec):
-            return ImageRows(entity, sensor, self._poses, color)
-        return None
+            return RayRows(entity, sensor, self._poses, timing, self.names.color)
+        return (
+            ImageRows(entity, sensor, self._poses, self.names.color) if isinstance(sensor, CameraSensorSpec) else None
+        )
 
     def _beam_rows(self, sensor: TdlasSensorSpec) -> RayRows:
         direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
-        entity = self.names.at(POINT_CLOUDS, sensor=sensor.name)
-        timing = RowTiming(sensor, self._tick_ns)
-        return RayRows(entity, sensor, self._poses, timing, direction, self.names.color)
+        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
+        return RayRows(entity, sensor, self._poses, timing, self.names.color, direction)

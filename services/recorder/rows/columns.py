@@ -1,10 +1,10 @@
 """Columns of rows that wait until they are sent: appended every tick, sent for many ticks at once."""
 
-from array import array
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -12,11 +12,11 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading
+from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder.colors import GasScale, Rgb, gas_colors
 from gslcosim_services.recorder.recording_file import RecordingFile
-from gslcosim_services.recorder.scene import GAS_COLORMAP, level_format, slice_height_m
+from gslcosim_services.recorder.scene import GAS_COLORMAP, image_format, slice_height_m
 
 # A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
 TRACK_STRIP_TICKS = 10
@@ -28,20 +28,35 @@ WAYPOINT_RADIUS_M = 0.06
 MARKER_RADIUS_M = 0.12
 
 
-class Rows(Protocol):
-    """Rows of one entity."""
+Item = TypeVar("Item")
+
+
+class Rows(ABC, Generic[Item]):
+    """Rows of one entity that wait until they are sent, each made of an item."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._items: list[Item] = []
+
+    def add(self, tick: int, item: Item) -> None:
+        """Append a row at the end of a tick."""
+        self._ticks.append(tick)
+        self._items.append(item)
+
+    def extend(self, ticks: Sequence[int], items: Iterable[Item]) -> None:
+        """Append rows at the ends of ticks."""
+        self._ticks += ticks
+        self._items.extend(items)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
-        ...
+        if self._ticks:
+            file.send(self._entity, self._ticks, self._columns(self._items))
+            self._ticks, self._items = [], []
 
-
-class ReadingRows(Rows, Protocol):
-    """Rows of one entity that are made of a sensor's readings."""
-
-    def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
-        """Append what the entity shows of readings that mean something, at the ends of their ticks."""
-        ...
+    @abstractmethod
+    def _columns(self, items: Sequence[Item]) -> Iterable[rr.ComponentColumn]: ...
 
 
 def split_columns(
@@ -76,7 +91,7 @@ def split_columns(
 _SCALARS = next(iter(rr.Scalars.columns(scalars=[0.0]))).component_descriptor()
 
 
-def scalar_columns(values: "array[float]", lengths: Sequence[int] | None = None) -> list[rr.ComponentColumn]:
+def scalar_columns(values: Sequence[float], lengths: Sequence[int] | None = None) -> list[rr.ComponentColumn]:
     """Return `rr.Scalars.columns` of numbers, as many to each row as `lengths` say (none: one), in a third of its time.
 
     That one splits its columns into rows twice.
@@ -86,99 +101,44 @@ def scalar_columns(values: "array[float]", lengths: Sequence[int] | None = None)
     ]
 
 
-class ScalarRows:
+class ScalarRows(Rows[float]):
     """A curve: one number per row."""
 
-    def __init__(self, entity: str) -> None:
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._values = array("d")
-
-    def add(self, tick: int, value: float) -> None:
-        """Append the value at the end of a tick."""
-        self._ticks.append(tick)
-        self._values.append(value)
-
-    def extend(self, ticks: Sequence[int], values: Iterable[float]) -> None:
-        """Append the values at the ends of ticks."""
-        self._ticks += ticks
-        self._values.extend(values)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if self._ticks:
-            file.send(self._entity, self._ticks, scalar_columns(self._values))
-            self._ticks, self._values = [], array("d")
+    def _columns(self, items: Sequence[float]) -> list[rr.ComponentColumn]:
+        return scalar_columns(items)
 
 
-class CurveRows:
-    """Curves of a sensor: some numbers of each of its readings, those of `part`."""
+class CurveRows(Rows[Sequence[float]]):
+    """Curves of a sensor: some values of each of its readings, those of `part`."""
 
     def __init__(self, entity: str, part: slice) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._part = part
-        self._ticks: list[int] = []
-        self._values = array("d")
-        self._lengths: list[int] = []
 
-    def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
-        """Append what is drawn of readings that mean something, at the ends of their ticks."""
-        rows = [reading.values[self._part] for reading in readings]
-        self._ticks += ticks
-        self._values.extend(chain.from_iterable(rows))
-        self._lengths += map(len, rows)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if self._ticks:
-            file.send(self._entity, self._ticks, scalar_columns(self._values, self._lengths))
-            self._ticks, self._values, self._lengths = [], array("d"), []
+    def _columns(self, items: Sequence[Sequence[float]]) -> list[rr.ComponentColumn]:
+        rows = [values[self._part] for values in items]
+        return scalar_columns([*chain.from_iterable(rows)], [*map(len, rows)])
 
 
-class PoseRows:
-    """A moving body: world-from-body transforms."""
+class PoseRows(Rows[tuple[Vec3, Quaternion]]):
+    """A moving body: world-from-body transforms, made of position and quaternion wxyz."""
 
-    def __init__(self, entity: str) -> None:
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._positions_m = array("f")
-        self._quaternions_wxyz = array("f")
-
-    def extend(
-        self, ticks: Sequence[int], positions_world_m: Iterable[Vec3], quaternions_wxyz: Iterable[Quaternion]
-    ) -> None:
-        """Append the poses at the ends of ticks."""
-        self._ticks += ticks
-        self._positions_m.extend(chain.from_iterable(positions_world_m))
-        self._quaternions_wxyz.extend(chain.from_iterable(quaternions_wxyz))
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if not self._ticks:
-            return
+    def _columns(self, items: Sequence[tuple[Vec3, Quaternion]]) -> rr.ComponentColumnList:
+        positions_m, quaternions_wxyz = zip(*items, strict=True)
         # Rerun wants (x, y, z, w).
-        quaternions_xyzw = np.roll(np.array(self._quaternions_wxyz, dtype=np.float32).reshape(-1, 4), -1, axis=1)
-        translations_m = np.array(self._positions_m, dtype=np.float32).reshape(-1, 3)
-        file.send(
-            self._entity,
-            self._ticks,
-            rr.Transform3D.columns(translation=translations_m, quaternion=quaternions_xyzw),
-        )
-        self._ticks, self._positions_m, self._quaternions_wxyz = [], array("f"), array("f")
+        quaternions_xyzw = np.roll(np.array(quaternions_wxyz, dtype=np.float32), -1, axis=1)
+        return rr.Transform3D.columns(translation=np.array(positions_m, np.float32), quaternion=quaternions_xyzw)
 
 
-class TrackRows:
+class TrackRows(Rows[Sequence[Vec3]]):
     """The line a vehicle leaves behind, in strips of `TRACK_STRIP_TICKS`: the viewer shows all up to its cursor."""
 
     def __init__(self, entity: str) -> None:
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._n_points: list[int] = []
-        self._points_m = array("f")
+        super().__init__(entity)
         self._open_strip_m: list[Vec3] = []
         self._last_tick = 0
 
-    def extend(self, ticks: Sequence[int], positions_world_m: Sequence[Vec3]) -> None:
+    def add_positions(self, ticks: Sequence[int], positions_world_m: Sequence[Vec3]) -> None:
         """Append the positions at the ends of ticks."""
         begin = 0
         while begin < len(ticks):
@@ -192,122 +152,76 @@ class TrackRows:
     def end_strip(self) -> None:
         """End the open strip here; the next one starts where it ends."""
         if len(self._open_strip_m) > 1:
-            self._ticks.append(self._last_tick)
-            self._n_points.append(len(self._open_strip_m))
-            self._points_m.extend(chain.from_iterable(self._open_strip_m))
+            self.add(self._last_tick, self._open_strip_m)
             self._open_strip_m = self._open_strip_m[-1:]
 
-    def send(self, file: RecordingFile) -> None:
-        """Write the finished strips, if any, and forget them."""
-        if self._ticks:
-            strips = _strip_array(self._points_m, self._n_points)
-            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=strips))
-            self._ticks, self._n_points, self._points_m = [], [], array("f")
+    # Told a list of strips Rerun makes an array of each; this is the type in which it stores them.
+    def _columns(self, items: Sequence[Sequence[Vec3]]) -> rr.ComponentColumnList:
+        flat = pa.array(np.array([*chain.from_iterable(items)], dtype=np.float32).ravel())
+        ends = pa.array(np.cumsum([0, *map(len, items)], dtype=np.int32))
+        points = pa.FixedSizeListArray.from_arrays(flat, type=_POINT_TYPE)
+        return rr.LineStrips3D.columns(strips=pa.ListArray.from_arrays(ends, points, type=_STRIP_TYPE))
 
 
-# Told a list of strips Rerun makes an array of each; this is the type in which it stores them.
 _POINT_TYPE: Any = pa.list_(pa.field("item", pa.float32(), nullable=False), 3)
 _STRIP_TYPE: Any = pa.list_(pa.field("item", _POINT_TYPE, nullable=False))
 
 
-def _strip_array(points_m: "array[float]", n_points: Sequence[int]) -> Any:
-    flat = pa.array(np.array(points_m, dtype=np.float32))
-    ends = pa.array(np.cumsum([0, *n_points], dtype=np.int32))
-    points = pa.FixedSizeListArray.from_arrays(flat, type=_POINT_TYPE)
-    return pa.ListArray.from_arrays(ends, points, type=_STRIP_TYPE)
-
-
-class PlanRows:
+class PlanRows(Rows[tuple[Vec3, ...]]):
     """Planned paths, each from where the vehicle was when it was planned, through its bends."""
 
     def __init__(self, entity: str) -> None:
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._strips_m: list[tuple[Vec3, ...]] = []
+        super().__init__(entity)
         self._path_m: tuple[Vec3, ...] = ()
 
-    def extend(
+    def add_paths(
         self, ticks: Sequence[int], positions_world_m: Sequence[Vec3], paths_world_m: Sequence[tuple[Vec3, ...]]
     ) -> None:
         """Append the paths ahead at the ends of ticks, each unless it is the rest of the one before."""
         if self._path_m or any(paths_world_m):
             for tick, position_m, path_m in zip(ticks, positions_world_m, paths_world_m, strict=True):
-                self.add(tick, position_m, path_m)
+                if path_m and self._path_m[-len(path_m) :] != path_m:
+                    self.add(tick, (position_m, *path_m))
+                self._path_m = path_m
 
-    def add(self, tick: int, position_world_m: Vec3, path_world_m: tuple[Vec3, ...]) -> None:
-        """Append the path ahead at the end of a tick, unless it is the rest of the one before."""
-        if path_world_m and self._path_m[-len(path_world_m) :] != path_world_m:
-            self._ticks.append(tick)
-            self._strips_m.append((position_world_m, *path_world_m))
-        self._path_m = path_world_m
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting paths, if any, and forget them."""
-        if self._ticks:
-            strips = [np.array(strip, dtype=np.float32) for strip in self._strips_m]
-            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=strips))
-            self._ticks, self._strips_m = [], []
+    def _columns(self, items: Sequence[tuple[Vec3, ...]]) -> rr.ComponentColumnList:
+        return rr.LineStrips3D.columns(strips=[np.array(strip, dtype=np.float32) for strip in items])
 
 
-class MarkerRows:
-    """Points that stay once they have come, each with a text, which may be empty, or be shown only on hovering."""
+class Marker(NamedTuple):
+    """A point with a text, which may be empty; `is_shown` says whether it is seen without hovering over the point."""
+
+    position_world_m: Vec3
+    label: str
+    color: Rgb
+    is_shown: bool = True
+
+
+class MarkerRows(Rows[Marker]):
+    """Points that stay once they have come. Several rows may share a tick: the viewer shows every row of its range."""
 
     def __init__(self, entity: str, *, radius_m: float) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._radius_m = radius_m
-        self._ticks: list[int] = []
-        self._positions_m: list[Vec3] = []
-        self._labels: list[str] = []
-        self._are_shown: list[bool] = []
-        self._colors: list[Rgb] = []
 
-    def add(self, tick: int, position_world_m: Vec3, label: str, color: Rgb, *, is_shown: bool = True) -> None:
-        """Append a point of a tick; `is_shown` says whether its label is seen without hovering over it."""
-        self._ticks.append(tick)
-        self._positions_m.append(position_world_m)
-        self._labels.append(label)
-        self._are_shown.append(is_shown and bool(label))
-        self._colors.append(color)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting points, if any, and forget them."""
-        if not self._ticks:
-            return
-        columns = rr.Points3D.columns(
-            positions=np.array(self._positions_m, dtype=np.float32),
-            labels=self._labels,
-            colors=np.array(self._colors, dtype=np.uint8),
-            radii=np.full(len(self._ticks), self._radius_m, dtype=np.float32),
-            show_labels=self._are_shown,
+    def _columns(self, items: Sequence[Marker]) -> rr.ComponentColumnList:
+        return rr.Points3D.columns(
+            positions=np.array([item.position_world_m for item in items], dtype=np.float32),
+            labels=[item.label for item in items],
+            colors=np.array([item.color for item in items], dtype=np.uint8),
+            radii=np.full(len(items), self._radius_m, dtype=np.float32),
+            show_labels=[item.is_shown and bool(item.label) for item in items],
         )
-        # Several rows may share a tick; the viewer shows every row of its visible time range.
-        file.send(self._entity, self._ticks, columns)
-        self._ticks, self._positions_m, self._labels, self._are_shown, self._colors = [], [], [], [], []
 
 
-class TextRows:
-    """Lines of a text log."""
+class TextRows(Rows[tuple[str, str]]):
+    """Lines of a text log, each with its level."""
 
-    def __init__(self, entity: str) -> None:
-        self._entity = entity
-        self._ticks: list[int] = []
-        self._texts: list[str] = []
-        self._levels: list[str] = []
-
-    def add(self, tick: int, text: str, level: str) -> None:
-        """Append a line at a tick."""
-        self._ticks.append(tick)
-        self._texts.append(text)
-        self._levels.append(level)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting lines, if any, and forget them."""
-        if self._ticks:
-            file.send(self._entity, self._ticks, rr.TextLog.columns(text=self._texts, level=self._levels))
-            self._ticks, self._texts, self._levels = [], [], []
+    def _columns(self, items: Sequence[tuple[str, str]]) -> rr.ComponentColumnList:
+        return rr.TextLog.columns(text=[text for text, _ in items], level=[level for _, level in items])
 
 
-class FilamentRows:
+class FilamentRows(Rows[FilamentCloud]):
     """Filaments as what they are: Gaussian puffs, drawn with their own standard deviation.
 
     Colour is the mixing ratio at the centre, ppm0 (sigma0 / sigma)^3; peak opacity goes with the amount of gas along
@@ -316,39 +230,26 @@ class FilamentRows:
     """
 
     def __init__(self, entity: str, scenario: Scenario) -> None:
-        self._entity = entity
+        super().__init__(entity)
         source = scenario.gas.sources[0]
         self._birth_sigma_m = source.sigma_m
         self._birth_ppm = source.ppm
         self._scale = GasScale.of(scenario)
         # Packed as 0xRRGGBB00, which Rerun takes with the opacity and without looking at every colour.
         self._colors = gas_colors().astype(np.uint32) @ np.array([1 << 24, 1 << 16, 1 << 8], dtype=np.uint32)
-        self._ticks: list[int] = []
-        self._clouds: list[FilamentCloud] = []
 
-    def add(self, tick: int, cloud: FilamentCloud) -> None:
-        """Append a snapshot of the cloud at a tick."""
-        self._ticks.append(tick)
-        self._clouds.append(cloud)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting snapshots, if any, and forget them."""
-        if not self._ticks:
-            return
-        counts = [cloud.sigma_m.shape[0] for cloud in self._clouds]
+    def _columns(self, items: Sequence[FilamentCloud]) -> rr.ComponentColumnList:
+        counts = [cloud.sigma_m.shape[0] for cloud in items]
         strides = [max(1, -(-count // MAX_FILAMENTS)) for count in counts]
-        centres_m = np.concatenate(
-            [c.position_world_m.to_array()[::s] for c, s in zip(self._clouds, strides, strict=True)]
-        )
-        sigmas_m = np.concatenate([c.sigma_m.to_array()[::s] for c, s in zip(self._clouds, strides, strict=True)])
+        centres_m = np.concatenate([c.position_world_m.to_array()[::s] for c, s in zip(items, strides, strict=True)])
+        sigmas_m = np.concatenate([c.sigma_m.to_array()[::s] for c, s in zip(items, strides, strict=True)])
         drawn = [-(-count // stride) for count, stride in zip(counts, strides, strict=True)]
         columns = rr.GaussianSplats3D.columns(
             centers=np.ascontiguousarray(centres_m, dtype=np.float32),
             scales=np.repeat(sigmas_m.astype(np.float32), 3).reshape(-1, 3),
             colors=self._rgba(sigmas_m, np.repeat(strides, drawn)),
         )
-        file.send(self._entity, self._ticks, columns.partition(drawn))
-        self._ticks, self._clouds = [], []
+        return columns.partition(drawn)
 
     def _rgba(self, sigmas_m: NDArray[np.float32], strides: NDArray[np.int64]) -> NDArray[np.uint32]:
         shrink = np.float32(self._birth_sigma_m) / np.maximum(sigmas_m, np.float32(self._birth_sigma_m))
@@ -357,43 +258,29 @@ class FilamentRows:
         return self._colors[levels] | alpha.astype(np.uint32)
 
 
-class SliceRows:
+class SliceRows(Rows[ConcentrationSlice]):
     """A horizontal slice through the gas at its height: the levels of `GasScale`, which the viewer colours."""
 
     def __init__(self, entity: str, scale: GasScale) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._scale = scale
         self._is_placed = False
-        self._ticks: list[int] = []
-        self._slices: list[ConcentrationSlice] = []
-
-    def add(self, tick: int, concentration: ConcentrationSlice) -> None:
-        """Append a slice at a tick."""
-        self._ticks.append(tick)
-        self._slices.append(concentration)
 
     def send(self, file: RecordingFile) -> None:
-        """Write the waiting slices, if any, and forget them."""
-        if not self._ticks:
-            return
-        if not self._is_placed:
-            self._place(file, self._slices[0])
-        pictures = np.concatenate([self._picture(item) for item in self._slices]).reshape(len(self._ticks), -1)
-        file.send(self._entity, self._ticks, rr.GridMap.columns(data=pictures))
-        self._ticks, self._slices = [], []
-
-    def _place(self, file: RecordingFile, first: ConcentrationSlice) -> None:
-        nx, ny = first.mixing_ratio_ppm.shape
-        place = rr.GridMap.from_fields(
-            format=level_format(nx, ny),
-            colormap=GAS_COLORMAP,
-            cell_size=first.cell_m,
-            translation=(*first.origin_m, slice_height_m(first.height_m)),
-        )
-        file.draw(self._entity, place)
-        self._is_placed = True
+        """Write the waiting rows, if any, and before the first ones where they are."""
+        if self._items and not self._is_placed:
+            first = self._items[0]
+            place = rr.GridMap.from_fields(
+                format=image_format(*first.mixing_ratio_ppm.shape),
+                colormap=GAS_COLORMAP,
+                cell_size=first.cell_m,
+                translation=(*first.origin_m, slice_height_m(first.height_m)),
+            )
+            file.draw(self._entity, place)
+            self._is_placed = True
+        super().send(file)
 
     # Rows of a picture run from the far side (largest y) to the near one.
-    def _picture(self, concentration: ConcentrationSlice) -> NDArray[np.uint8]:
-        levels = self._scale.levels(concentration.mixing_ratio_ppm.to_array())
-        return np.ascontiguousarray(levels.T[::-1]).ravel()
+    def _columns(self, items: Sequence[ConcentrationSlice]) -> rr.ComponentColumnList:
+        levels = [self._scale.levels(item.mixing_ratio_ppm.to_array()).T[::-1].ravel() for item in items]
+        return rr.GridMap.columns(data=np.stack(levels))

@@ -1,6 +1,7 @@
 """Rows of events, wind, probes, and services of other packages, in space and as curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -22,7 +23,7 @@ from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.entities import source_events
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.agents import AgentRows
-from gslcosim_services.recorder.rows.columns import MarkerRows, Rows, ScalarRows, TextRows
+from gslcosim_services.recorder.rows.columns import Marker, MarkerRows, Rows, ScalarRows, TextRows
 from gslcosim_services.recorder.scene import door_look, flat_box
 from gslcosim_services.recorder.stream_table import DOORS, SERVICES
 
@@ -75,7 +76,6 @@ class WindLayer:
         """Look at a layer.
 
         Args:
-            environment: Room and wind.
             height_m: At which height [m].
             like: Whose scale the arrows have; absent: one of their own.
         """
@@ -97,11 +97,6 @@ class WindLayer:
         """True where the wind has one frame."""
         return self.wind.velocity_m_s.shape[0] == 1
 
-    @property
-    def n_arrows(self) -> int:
-        """Number of arrows."""
-        return len(self._centres_m)
-
     def arrows_m(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the (n, 3) origins and vectors of a frame's arrows, centred on their cells, world frame [m]."""
         vectors_m = self._vectors_m[frame]
@@ -116,11 +111,10 @@ class WindLayer:
         file.draw(entity, arrows)
 
 
-class WindRows:
+class WindRows(Rows[tuple[WindLayer, int]]):
     """The arrows over time: a row wherever the frame of the wind or the room changes; none where all is steady.
 
     Args:
-        entity: Where they are drawn.
         layer: Those at the start.
         later: Those of later rooms, by situation.
     """
@@ -128,18 +122,16 @@ class WindRows:
     def __init__(
         self, entity: str, layer: WindLayer, later: Mapping[EnvironmentVariant, WindLayer] | None = None
     ) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._layer = layer
         self._later = later or {}
-        self._ticks: list[int] = []
-        self._shown: list[tuple[WindLayer, int]] = []
         self._last: tuple[WindLayer, int] | None = None
 
     def draw(self, file: RecordingFile) -> None:
         """Draw what all rows share; the whole wind where it is always the same."""
         self._layer.draw(file, self._entity, is_one_of_many=bool(self._later))
 
-    def add(self, tick: int, time_s: float, variant: EnvironmentVariant | None = None) -> None:
+    def add_wind(self, tick: int, time_s: float, variant: EnvironmentVariant | None = None) -> None:
         """Take note of the wind's time [s] at the end of a tick, and of the situation then."""
         if self._layer.is_steady and not self._later:
             return
@@ -147,20 +139,15 @@ class WindRows:
         shown = (layer, layer.wind.frame_at(time_s))
         if shown != self._last:
             self._last = shown
-            self._ticks.append(tick)
-            self._shown.append(shown)
+            self.add(tick, shown)
 
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if not self._ticks:
-            return
-        arrows_m = [layer.arrows_m(frame) for layer, frame in self._shown]
+    def _columns(self, items: Sequence[tuple[WindLayer, int]]) -> rr.ComponentColumnList:
+        arrows_m = [layer.arrows_m(frame) for layer, frame in items]
         columns = rr.Arrows3D.columns(
             origins=np.concatenate([origins_m for origins_m, _ in arrows_m]),
             vectors=np.concatenate([vectors_m for _, vectors_m in arrows_m]),
         )
-        file.send(self._entity, self._ticks, columns.partition([layer.n_arrows for layer, _ in self._shown]))
-        self._ticks, self._shown = [], []
+        return columns.partition([len(origins_m) for origins_m, _ in arrows_m])
 
 
 class ContactRows:
@@ -188,16 +175,16 @@ class ContactRows:
                 self._begin(tick, body, thing)
         for thing in [thing for thing in self._since if thing not in body.contacts]:
             lasted_s = seconds_from_ticks(tick - self._since.pop(thing), self._tick_ns)
-            self._log.add(tick, f"{self._agent} is off {thing} after {lasted_s:g} s", "INFO")
+            self._log.add(tick, (f"{self._agent} is off {thing} after {lasted_s:g} s", "INFO"))
 
     def _begin(self, tick: int, body: BodyState, thing: str) -> None:
         self._since[thing] = tick
         is_floor = thing in self._floors
-        self._log.add(tick, f"{self._agent} touches {thing}", "INFO" if is_floor else "WARN")
+        self._log.add(tick, (f"{self._agent} touches {thing}", "INFO" if is_floor else "WARN"))
         if not is_floor:
             label = "" if thing in self._named else f"touches {thing}"
             self._named.add(thing)
-            self._markers.add(tick, body.position_world_m, label, colors.CONTACT)
+            self._markers.add(tick, Marker(body.position_world_m, label, colors.CONTACT))
 
 
 _SOURCE_RADIUS_M = 0.14
@@ -218,10 +205,11 @@ class EventMarkRows:
             if isinstance(event, SourceEventSpec):
                 if isinstance(event, SourceMovesSpec):
                     self._places_m[event.source] = event.to_m
-                self._sources[event.source].add(tick, self._places_m[event.source], event.text, colors.SOURCE)
+                marker = Marker(self._places_m[event.source], event.text, colors.SOURCE)
+                self._sources[event.source].add(tick, marker)
             elif event.about_agent is not None:
                 agent = self._agents[event.about_agent]
-                agent.markers.add(tick, agent.position_m, event.text, agent.names.color)
+                agent.markers.add(tick, Marker(agent.position_m, event.text, agent.names.color))
 
     def all(self) -> Sequence[MarkerRows]:
         """Return all rows but those of agents."""
@@ -231,44 +219,33 @@ class EventMarkRows:
 _MARK_RADIUS_M = 0.06
 
 
-class DoorRows:
-    """A box over time: a row with it wherever it is closed, one without wherever it opens."""
+class DoorRows(Rows[bool]):
+    """A box over time: a row with it where it is closed from a tick on, one without where it is open."""
 
     def __init__(self, entity: str, box: Box) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._box = box
-        self._ticks: list[int] = []
-        self._are_closed: list[bool] = []
 
     def draw(self, file: RecordingFile) -> None:
         """Draw how it looks while it is closed."""
         file.draw(self._entity, door_look(self._box))
 
-    def add(self, tick: int, *, is_closed: bool) -> None:
-        """Take note that it is closed, or open, from a tick on."""
-        self._ticks.append(tick)
-        self._are_closed.append(is_closed)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if not self._ticks:
-            return
+    def _columns(self, items: Sequence[bool]) -> rr.ComponentColumnList:
         low_m, high_m = np.array(self._box.min_m), np.array(self._box.max_m)
-        n_closed = sum(self._are_closed)
+        n_closed = sum(items)
         columns = rr.Boxes3D.columns(
             centers=np.tile((low_m + high_m) / 2, (n_closed, 1)),
             half_sizes=np.tile((high_m - low_m) / 2, (n_closed, 1)),
         )
-        file.send(self._entity, self._ticks, columns.partition([int(is_closed) for is_closed in self._are_closed]))
-        self._ticks, self._are_closed = [], []
+        return columns.partition([int(is_closed) for is_closed in items])
 
 
 class AllDoorRows:
-    """All doors of a run, with a mark in the room for each event that moves one."""
+    """All doors of a run, with a mark for each event that moves one; `room` is the room as it is now."""
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
         self._scenario = scenario
-        self._room = DynamicEnvironment(environment, scenario)
+        self.room = DynamicEnvironment(environment, scenario)
         self._boxes = {box.name: box for box in find_door_boxes(environment)}
         height_m = scenario.slice_height_m
         self._rows = {
@@ -286,30 +263,25 @@ class AllDoorRows:
             name: MarkerRows(f"{DOORS.at(door=name)}/events", radius_m=_MARK_RADIUS_M) for name in self._boxes
         }
 
-    @property
-    def room(self) -> DynamicEnvironment:
-        """The room as it is now."""
-        return self._room
-
     def draw(self, file: RecordingFile) -> None:
         """Draw how doors look, and note which are closed at the start."""
         for name, all_rows in self._rows.items():
             for rows in all_rows:
                 rows.draw(file)
-                rows.add(0, is_closed=name in self._room.variant.closed)
+                rows.add(0, name in self.room.variant.closed)
 
     def add(self, tick: int, inbox: Inbox) -> None:
         """Take note of the doors that move in a tick."""
-        if self._room.obey(inbox):
+        if self.room.obey(inbox):
             for name, all_rows in self._rows.items():
                 for rows in all_rows:
-                    rows.add(tick, is_closed=name in self._room.variant.closed)
+                    rows.add(tick, name in self.room.variant.closed)
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, DoorEventSpec) and event.door in self._boxes:
                 box = self._boxes[event.door]
                 x_m, y_m = ((box.min_m[axis] + box.max_m[axis]) / 2 for axis in (0, 1))
-                self._marks[event.door].add(tick, (x_m, y_m, box.max_m[2]), event.text, colors.READING)
+                self._marks[event.door].add(tick, Marker((x_m, y_m, box.max_m[2]), event.text, colors.READING))
 
-    def all(self) -> Sequence[Rows]:
+    def all(self) -> Sequence[Rows[Any]]:
         """Return all rows."""
         return [*(rows for all_rows in self._rows.values() for rows in all_rows), *self._marks.values()]

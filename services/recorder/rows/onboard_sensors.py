@@ -6,6 +6,7 @@ until the next, while the vehicle flies on.
 
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -18,13 +19,13 @@ from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Readi
 from gslcosim.scenario.models.sensors import (
     CameraSensorSpec,
     DepthCameraSpec,
-    LidarSensorSpec,
     RaySensorSpec,
     SensorSpec,
     TdlasSensorSpec,
 )
 from gslcosim_services.recorder.colors import Rgb
 from gslcosim_services.recorder.recording_file import RecordingFile
+from gslcosim_services.recorder.rows.columns import Rows
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 # Negative, which for Rerun is in points of the screen: a scan is seen through from near, and not lost from far.
@@ -70,52 +71,8 @@ class RowTiming:
         return tick - self._delay_ticks if tick % self._period_ticks == 0 else None
 
 
-class LidarRows:
-    """Points that a lidar saw; each scan replaces the one before.
-
-    Ranges at the end of the lidar's reach are no points.
-    """
-
-    def __init__(self, entity: str, sensor: LidarSensorSpec, poses: PoseHistory, timing: RowTiming, color: Rgb) -> None:
-        self._entity = entity
-        self._sensor = sensor
-        self._poses = poses
-        self._timing = timing
-        self._color = color
-        self._directions = ray_directions_body(sensor).reshape(-1, 3)
-        self._ticks: list[int] = []
-        self._clouds_m: list[NDArray[np.float32]] = []
-
-    def draw(self, file: RecordingFile) -> None:
-        """Write how the points look."""
-        file.draw(self._entity, rr.Points3D.from_fields(colors=[self._color], radii=[POINT_RADIUS]))
-
-    def add(self, tick: int, reading: Reading) -> None:
-        """Append a scan, if the reading has a new one."""
-        seen_tick = self._timing.seen_tick(tick)
-        if reading.array is None or seen_tick is None:
-            return
-        ranges_m = reading.array.to_array().ravel()
-        is_hit = ranges_m < self._sensor.max_range_m
-        points_m = np.array(self._sensor.mount_m) + ranges_m[is_hit, None] * self._directions[is_hit]
-        rotation, position_m = self._poses.at(seen_tick)
-        self._ticks.append(tick)
-        self._clouds_m.append((position_m + points_m @ rotation.T).astype(np.float32))
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting scans, if any, and forget them."""
-        if not self._ticks:
-            return
-        columns = rr.Points3D.columns(positions=np.concatenate(self._clouds_m))
-        file.send(self._entity, self._ticks, columns.partition([len(cloud) for cloud in self._clouds_m]))
-        self._ticks, self._clouds_m = [], []
-
-
-class RayRows:
-    """Rays from a sensor to what they meet; those that meet nothing have no length.
-
-    `directions` are (n, 3) unit vectors in the body frame.
-    """
+class RangeRows(Rows[NDArray[np.floating]]):
+    """Rows of a sensor with a range for each of its rays, (n, 3) unit vectors in the body frame; absent: its own."""
 
     def __init__(
         self,
@@ -123,24 +80,55 @@ class RayRows:
         sensor: RaySensorSpec | TdlasSensorSpec,
         poses: PoseHistory,
         timing: RowTiming,
-        directions: NDArray[np.float64],
         color: Rgb,
+        directions: NDArray[np.float64] | None = None,
     ) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._mount_m = np.array(sensor.mount_m)
         self._limit_m = sensor.max_range_m
         self._poses = poses
         self._timing = timing
-        self._directions = directions
         self._color = color
-        self._ticks: list[int] = []
-        self._strips_m: list[NDArray[np.float64]] = []
+        if directions is None:
+            assert isinstance(sensor, RaySensorSpec)
+            directions = ray_directions_body(sensor).reshape(-1, 3)
+        self._directions = directions
+
+
+class LidarRows(RangeRows):
+    """Points that a lidar saw; each scan replaces the one before.
+
+    Ranges at the end of the lidar's reach are no points.
+    """
+
+    def draw(self, file: RecordingFile) -> None:
+        """Write how the points look."""
+        file.draw(self._entity, rr.Points3D.from_fields(colors=[self._color], radii=[POINT_RADIUS]))
+
+    def add_reading(self, tick: int, reading: Reading) -> None:
+        """Append a scan, if the reading has a new one."""
+        seen_tick = self._timing.seen_tick(tick)
+        if reading.array is None or seen_tick is None:
+            return
+        ranges_m = reading.array.to_array().ravel()
+        is_hit = ranges_m < self._limit_m
+        points_m = self._mount_m + ranges_m[is_hit, None] * self._directions[is_hit]
+        rotation, position_m = self._poses.at(seen_tick)
+        self.add(tick, (position_m + points_m @ rotation.T).astype(np.float32))
+
+    def _columns(self, items: Sequence[NDArray[np.floating]]) -> rr.ComponentColumnList:
+        columns = rr.Points3D.columns(positions=np.concatenate(items))
+        return columns.partition([len(cloud) for cloud in items])
+
+
+class RayRows(RangeRows):
+    """Rays from a sensor to what they meet; those that meet nothing have no length."""
 
     def draw(self, file: RecordingFile) -> None:
         """Write how the rays look."""
         file.draw(self._entity, rr.LineStrips3D.from_fields(colors=[self._color], radii=[RAY_RADIUS_M]))
 
-    def add(self, tick: int, reading: Reading) -> None:
+    def add_reading(self, tick: int, reading: Reading) -> None:
         """Append a reading of one range for each ray, if it is new."""
         seen_tick = self._timing.seen_tick(tick)
         if seen_tick is not None and not reading.is_warming_up:
@@ -153,40 +141,37 @@ class RayRows:
         ends_m = self._mount_m + lengths_m[:, None] * self._directions
         rotation, position_m = self._poses.at(seen_tick)
         strips_m = np.stack([np.broadcast_to(self._mount_m, ends_m.shape), ends_m], axis=1)
-        self._ticks.append(tick)
-        self._strips_m.append(position_m + strips_m @ rotation.T)
+        self.add(tick, position_m + strips_m @ rotation.T)
 
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rays, if any, and forget them."""
-        if not self._ticks:
-            return
-        columns = rr.LineStrips3D.columns(strips=list(np.concatenate(self._strips_m).astype(np.float32)))
-        file.send(self._entity, self._ticks, columns.partition([len(self._directions)] * len(self._ticks)))
-        self._ticks, self._strips_m = [], []
+    def _columns(self, items: Sequence[NDArray[np.floating]]) -> rr.ComponentColumnList:
+        columns = rr.LineStrips3D.columns(strips=list(np.concatenate(items).astype(np.float32)))
+        return columns.partition([len(self._directions)] * len(items))
 
 
-class ImageRows:
+class _Eye(NamedTuple):
+    image: CameraImage
+    place_m: NDArray[np.float64]
+    quaternion_xyzw: tuple[float, float, float, float]
+
+
+class ImageRows(Rows[_Eye]):
     """Pictures of a camera as they travelled, each before the eye that took it, with its calibration.
 
     Depths have a scale of their own, from the camera to the end of its range.
     """
 
     def __init__(self, entity: str, sensor: CameraSensorSpec, poses: PoseHistory, color: Rgb) -> None:
-        self._entity = entity
+        super().__init__(entity)
         self._max_range_m = sensor.max_range_m if isinstance(sensor, DepthCameraSpec) else 0.0
         self._poses = poses
         self._color = color
         self._is_calibrated = False
         self._last_taken_tick = -1
-        self._ticks: list[int] = []
-        self._images: list[CameraImage] = []
-        self._eyes_m: list[NDArray[np.float64]] = []
-        self._quaternions_xyzw: list[tuple[float, ...]] = []
 
     def draw(self, file: RecordingFile) -> None:
         """Write nothing yet: the calibration comes with the first picture."""
 
-    def add(self, tick: int, reading: Reading) -> None:
+    def add_reading(self, tick: int, reading: Reading) -> None:
         """Append a picture, if the reading has one that was not there before."""
         image = reading.image
         if image is None or image.taken_tick == self._last_taken_tick:
@@ -194,31 +179,27 @@ class ImageRows:
         self._last_taken_tick = image.taken_tick
         rotation, position_m = self._poses.at(image.taken_tick)
         w, x, y, z = quaternion_from_rotation(rotation @ world_from_body_rotation(image.quaternion_body_wxyz))
-        self._ticks.append(tick)
-        self._images.append(image)
-        self._eyes_m.append(position_m + rotation @ np.array(image.position_body_m))
-        self._quaternions_xyzw.append((x, y, z, w))
+        self.add(tick, _Eye(image, position_m + rotation @ np.array(image.position_body_m), (x, y, z, w)))
 
     def send(self, file: RecordingFile) -> None:
-        """Write the waiting pictures, if any, and forget them."""
-        if not self._ticks:
+        """Write the waiting pictures, if any, with the places of the eyes that took them, and forget them."""
+        ticks, items = self._ticks, self._items
+        if not ticks:
             return
         if not self._is_calibrated:
-            self._calibrate(file, self._images[0])
-        file.send(self._entity, self._ticks, self._picture_columns())
+            self._calibrate(file, items[0].image)
+        super().send(file)
         eyes = rr.Transform3D.columns(
-            translation=np.array(self._eyes_m, dtype=np.float32),
-            quaternion=np.array(self._quaternions_xyzw, dtype=np.float32),
+            translation=np.array([item.place_m for item in items], dtype=np.float32),
+            quaternion=np.array([item.quaternion_xyzw for item in items], dtype=np.float32),
         )
-        file.send(self._entity, self._ticks, eyes)
-        self._ticks, self._images, self._eyes_m, self._quaternions_xyzw = [], [], [], []
+        file.send(self._entity, ticks, eyes)
 
-    def _picture_columns(self) -> rr.ComponentColumnList:
-        blobs = [image.data for image in self._images]
-        if self._images[0].encoding == "depth_png":
+    def _columns(self, items: Sequence[_Eye]) -> rr.ComponentColumnList:
+        blobs, encoding = [item.image.data for item in items], items[0].image.encoding
+        if encoding == "depth_png":
             return rr.EncodedDepthImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
-        media_type = f"image/{self._images[0].encoding}"
-        return rr.EncodedImage.columns(blob=blobs, media_type=[media_type] * len(blobs))
+        return rr.EncodedImage.columns(blob=blobs, media_type=[f"image/{encoding}"] * len(blobs))
 
     def _calibrate(self, file: RecordingFile, image: CameraImage) -> None:
         pinhole = rr.Pinhole(

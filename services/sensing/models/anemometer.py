@@ -1,12 +1,11 @@
 """Ultrasonic anemometers: the apparent wind of a moving vehicle, in world directions."""
 
 import math
-from collections.abc import MutableSequence, Sequence
 from typing import Any
 
 from gslcosim.base.scalar_kernels import next_normal, norm2, scalar_kernel
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, Anemometer3dSpec, AnemometerSpec
-from gslcosim_services.sensing.models.base import KernelSensorKind, SensorKernel, follow, lag_frac
+from gslcosim.scenario.models.sensors import Anemometer3dSpec, AnemometerSpec
+from gslcosim_services.sensing.models.base import Floats, KernelSensorKind, SensorKernel, follow, lag_frac, make_kind
 
 QUANTITY = "apparent_wind"
 UNIT = "m/s, rad"
@@ -14,13 +13,7 @@ UNIT = "m/s, rad"
 
 @scalar_kernel
 def measure_planar_wind(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: Sequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Measure the horizontal wind relative to the moving mount.
 
@@ -61,13 +54,7 @@ def measure_planar_wind(
 
 @scalar_kernel
 def measure_wind(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: Sequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Measure the whole wind relative to the moving mount: values = (x, y, z) in world directions [m/s].
 
@@ -92,12 +79,12 @@ def _planar_kernel(spec: AnemometerSpec, gases: tuple[str, ...], tick_s: float) 
     return SensorKernel(advance=measure_planar_wind, parameters=numbers, state=(0.0,) * 3, n_values=2)
 
 
-ANEMOMETER = KernelSensorKind(
-    name="anemometer",
-    settings=SENSOR_BLOCKS["anemometer"],
-    quantity=QUANTITY,
-    unit=UNIT,
-    description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; the direction "
+ANEMOMETER = make_kind(
+    KernelSensorKind,
+    "anemometer",
+    QUANTITY,
+    UNIT,
+    "Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; the direction "
     "it comes from, world frame, counter-clockwise from +x.",
     kernel=_planar_kernel,
     n_with_errors=1,
@@ -111,11 +98,11 @@ def _kernel_3d(spec: Anemometer3dSpec, gases: tuple[str, ...], tick_s: float) ->
     return SensorKernel(advance=measure_wind, parameters=numbers, state=(0.0,) * 4, n_values=3)
 
 
-ANEMOMETER_3D = KernelSensorKind(
-    name="anemometer_3d",
-    settings=SENSOR_BLOCKS["anemometer_3d"],
-    quantity=QUANTITY,
-    unit="m/s",
-    description="Three-axis anemometer: values = (x, y, z) of the apparent wind in m/s, world frame.",
+ANEMOMETER_3D = make_kind(
+    KernelSensorKind,
+    "anemometer_3d",
+    QUANTITY,
+    "m/s",
+    "Three-axis anemometer: values = (x, y, z) of the apparent wind in m/s, world frame.",
     kernel=_kernel_3d,
 )

@@ -111,7 +111,16 @@ class SensorKernel:
     n_values: int = 1
 
 
+Floats = MutableSequence[float]
+"""A row of numbers of a kernel: a list in a run, an array in a batch."""
+
 Kind = TypeVar("Kind", bound=SensorKind)
+
+
+def make_kind(kind: type[Kind], name: str, quantity: str, unit: str, description: str, **more: Any) -> Kind:
+    """Return the row of one of gslcosim's own models, whose block is in `SENSOR_BLOCKS`."""
+    named = {"name": name, "settings": SENSOR_BLOCKS[name]}
+    return kind(**named, quantity=quantity, unit=unit, description=description, **more)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -415,26 +424,14 @@ class ImperfectSensor:
         return reading.model_copy(update={"values": (*values, *reading.values[len(values) :])})
 
     def _with_errors(self, reading: Reading) -> Reading:
-        n, errors, tick, tick_s, drift = (
-            self._kind.n_with_errors,
-            self._errors,
-            self._tick,
-            self._tick_s,
-            self._drift_per_s,
-        )
-        values = [
-            add_errors(value, self.gain, errors.bias, drift, tick, tick_s, errors.noise_std, self._rng)
-            for value in reading.values[:n]
-        ]
+        errors = self._errors
+        size = (self.gain, errors.bias, self._drift_per_s, self._tick, self._tick_s, errors.noise_std)
+        values = [add_errors(value, *size, self._rng) for value in reading.values[: self._kind.n_with_errors]]
         is_over = math.isfinite(errors.max_value) and max(map(abs, values)) >= errors.max_value
         least = self._kind.least_value
         values = [quantize(limit_value(value, errors.max_value, least), errors.resolution) for value in values]
-        return reading.model_copy(
-            update={
-                "values": (*values, *reading.values[len(values) :]),
-                "is_saturated": reading.is_saturated or is_over,
-            }
-        )
+        shown = (*values, *reading.values[len(values) :])
+        return reading.model_copy(update={"values": shown, "is_saturated": reading.is_saturated or is_over})
 
 
 def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:

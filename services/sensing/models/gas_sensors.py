@@ -4,7 +4,7 @@ All respond to the sum of all gases, except for the PID, which weighs them.
 """
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from gslcosim.base.scalar_kernels import exact_sum, next_normal, next_poisson, s
 from gslcosim.contract.messages import MountSample, Reading
 from gslcosim.scenario.models.gas import GasDefinition, list_gases
 from gslcosim.scenario.models.sensors import (
-    SENSOR_BLOCKS,
     AveragingSensorSpec,
     HitCounterSpec,
     PidSensorSpec,
@@ -25,11 +24,13 @@ from gslcosim.scenario.models.sensors import (
 from gslcosim_services.sensing.models.base import (
     N_SEEN,
     RING,
+    Floats,
     KernelSensorKind,
     SensorKernel,
     SensorKind,
     follow,
     lag_frac,
+    make_kind,
     new_window,
     push_count,
     push_value,
@@ -44,13 +45,7 @@ def total_ppm(ppm: Sequence[float]) -> float:
 
 @scalar_kernel
 def measure_pid(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Measure with a photo-ionisation detector behind its lag, without noise.
 
@@ -69,13 +64,7 @@ def measure_pid(
 
 @scalar_kernel
 def measure_above_threshold(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Read the mixing ratio where it exceeds a threshold, and 0 elsewhere.
 
@@ -93,13 +82,7 @@ def measure_above_threshold(
 
 @scalar_kernel
 def detect_gas(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Detect a mixing ratio, with noise, above a threshold: 1 or 0.
 
@@ -116,13 +99,7 @@ def detect_gas(
 
 @scalar_kernel
 def count_hits(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Count hits of gas as infotaxis and its relatives assume: a Poisson number with a mean in proportion to the gas.
 
@@ -140,13 +117,7 @@ def count_hits(
 
 @scalar_kernel
 def average_gas(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Read the mean of the mixing ratio over the last `averaging_s`, less at the start.
 
@@ -161,13 +132,7 @@ def average_gas(
 
 @scalar_kernel
 def advance_two_lags(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: MutableSequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Advance a slow gas sensor by a tick: two lags in series, one pair for response and one for recovery.
 
@@ -212,16 +177,12 @@ def _build_pid_kind(definitions: tuple[GasDefinition, ...]) -> KernelSensorKind:
         numbers = (lag_frac(spec.t90_s, tick_s), *corrections)
         return SensorKernel(advance=measure_pid, parameters=numbers, state=(0.0,))
 
-    return KernelSensorKind(
-        name="pid",
-        settings=SENSOR_BLOCKS["pid"],
-        quantity="mixing_ratio",
-        unit=GAS_QUANTITIES["mixing_ratio"],
-        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor.",
-        kernel=kernel,
-        least_value=0.0,
-        for_gases=_build_pid_kind,
-    )
+    description = "Photo-ionisation detector: values = (ppm,), each gas over its correction factor."
+    return _gas_kind("pid", "mixing_ratio", description, kernel, least_value=0.0, for_gases=_build_pid_kind)
+
+
+def _gas_kind(name: str, quantity: str, description: str, kernel: Any, **more: Any) -> KernelSensorKind:
+    return make_kind(KernelSensorKind, name, quantity, GAS_QUANTITIES[quantity], description, kernel=kernel, **more)
 
 
 def _threshold_kernel(spec: ThresholdSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
@@ -254,50 +215,28 @@ def _second_order_kernel(spec: SecondOrderSensorSpec, gases: tuple[str, ...], ti
 PID = _build_pid_kind(())
 PPM_KINDS = (
     PID,
-    KernelSensorKind(
-        name="threshold",
-        settings=SENSOR_BLOCKS["threshold"],
-        quantity="mixing_ratio",
-        unit=GAS_QUANTITIES["mixing_ratio"],
-        description="Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
-        kernel=_threshold_kernel,
-        has_own_noise=True,
+    _gas_kind(
+        "threshold", "mixing_ratio", "Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
+        _threshold_kernel, has_own_noise=True,
     ),
-    KernelSensorKind(
-        name="binary",
-        settings=SENSOR_BLOCKS["binary"],
-        quantity="gas_detected",
-        unit=GAS_QUANTITIES["gas_detected"],
-        description="Binary detector: values = (1 or 0,), 1 where the mixing ratio, with noise, exceeds threshold_ppm.",
-        kernel=_binary_kernel,
-        has_own_noise=True,
+    _gas_kind(
+        "binary", "gas_detected",
+        "Binary detector: values = (1 or 0,), 1 where the mixing ratio, with noise, exceeds threshold_ppm.",
+        _binary_kernel, has_own_noise=True,
     ),
-    KernelSensorKind(
-        name="hit_counter",
-        settings=SENSOR_BLOCKS["hit_counter"],
-        quantity="hits",
-        unit=GAS_QUANTITIES["hits"],
-        description="Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
-        "hits_per_s_per_ppm.",
-        kernel=_hit_counter_kernel,
+    _gas_kind(
+        "hit_counter", "hits", "Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
+        "hits_per_s_per_ppm.", _hit_counter_kernel,
     ),
-    KernelSensorKind(
-        name="averaging",
-        settings=SENSOR_BLOCKS["averaging"],
-        quantity="mixing_ratio",
-        unit=GAS_QUANTITIES["mixing_ratio"],
-        description="Averaging sensor: values = (mean ppm of the last averaging_s,).",
-        kernel=_averaging_kernel,
+    _gas_kind(
+        "averaging", "mixing_ratio", "Averaging sensor: values = (mean ppm of the last averaging_s,).",
+        _averaging_kernel,
     ),
-    KernelSensorKind(
-        name="second_order",
-        settings=SENSOR_BLOCKS["second_order"],
-        quantity="mixing_ratio",
-        unit=GAS_QUANTITIES["mixing_ratio"],
-        description="Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.",
-        kernel=_second_order_kernel,
+    _gas_kind(
+        "second_order", "mixing_ratio",
+        "Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.", _second_order_kernel,
     ),
-)
+)  # fmt: skip
 
 
 class TdlasSensor:
@@ -344,11 +283,11 @@ def _build_tdlas(spec: TdlasSensorSpec, tick_s: float, rng: np.random.Generator)
     return TdlasSensor(spec, tick_s)
 
 
-TDLAS = SensorKind(
-    name="tdlas",
-    settings=SENSOR_BLOCKS["tdlas"],
-    quantity=BEAM_QUANTITY,
-    unit=GAS_QUANTITIES[BEAM_QUANTITY],
-    description="Open-path laser: values = (ppm m,), the target gas integrated along the beam to the wall.",
+TDLAS = make_kind(
+    SensorKind,
+    "tdlas",
+    BEAM_QUANTITY,
+    GAS_QUANTITIES[BEAM_QUANTITY],
+    "Open-path laser: values = (ppm m,), the target gas integrated along the beam to the wall.",
     build=_build_tdlas,
 )

@@ -1,15 +1,15 @@
 """Metal-oxide gas sensors of Figaro's TGS26xx family: resistance falls with gas; quick rise, slow decay."""
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from gslcosim.base.quantities import ESTIMATE_QUANTITY, GAS_QUANTITIES
 from gslcosim.base.scalar_kernels import next_normal, scalar_kernel
 from gslcosim.scenario.models.gas import GasDefinition, list_gases
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, MoxSensorSpec
-from gslcosim_services.sensing.models.base import KernelEstimator, KernelSensorKind, SensorKernel
+from gslcosim.scenario.models.sensors import MoxSensorSpec
+from gslcosim_services.sensing.models.base import Floats, KernelEstimator, KernelSensorKind, SensorKernel, make_kind
 
 MIN_RATIO = 0.01
 QUANTITY = "resistance"
@@ -89,7 +89,6 @@ def build_mox_kernel(
     """Return the kernel of a sensor.
 
     Args:
-        parameters: The sensor's figures.
         gases: Names of the gases, in the order in which it gets their mixing ratios.
         tick_s: Length of a tick [s].
         noise_frac: White noise of ln R, its standard deviation.
@@ -133,13 +132,7 @@ def steady_ratio(parameters: Sequence[float], ppm: Sequence[float]) -> float:
 
 @scalar_kernel
 def advance_mox(
-    parameters: Sequence[float],
-    state: MutableSequence[float],
-    ppm: Sequence[float],
-    wind_m_s: Sequence[float],
-    velocity_m_s: Sequence[float],
-    stream: Any,
-    values: MutableSequence[float],
+    parameters: Floats, state: Floats, ppm: Floats, wind_m_s: Floats, velocity_m_s: Floats, stream: Any, values: Floats
 ) -> bool:
     """Advance a bare MOX element after its warm-up by a tick.
 
@@ -221,12 +214,12 @@ def build_mox_kind(parameters: MoxParameters) -> KernelSensorKind:
         errors = {"noise_frac": spec.noise_frac, "baseline_walk": spec.baseline_walk}
         return build_mox_kernel(parameters, gases, tick_s, **errors)
 
-    return KernelSensorKind(
-        name=parameters.model,
-        settings=SENSOR_BLOCKS[parameters.model],
-        quantity=QUANTITY,
-        unit=GAS_QUANTITIES[QUANTITY],
-        description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
+    return make_kind(
+        KernelSensorKind,
+        parameters.model,
+        QUANTITY,
+        GAS_QUANTITIES[QUANTITY],
+        f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
         f"{parameters.r0_ohm * parameters.air_ratio:g} ohm in clean air.",
         kernel=kernel,
         least_value=MIN_RATIO * parameters.r0_ohm,

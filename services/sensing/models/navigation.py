@@ -11,7 +11,6 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion, Reading
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import (
-    SENSOR_BLOCKS,
     BarometerSensorSpec,
     GpsSensorSpec,
     ImuSensorSpec,
@@ -19,7 +18,14 @@ from gslcosim.scenario.models.sensors import (
     MagnetometerSensorSpec,
     PoseSensorSpec,
 )
-from gslcosim_services.sensing.models.base import GaussMarkovBias, SensorKind, Surroundings, decay_factor, increment_std
+from gslcosim_services.sensing.models.base import (
+    GaussMarkovBias,
+    SensorKind,
+    Surroundings,
+    decay_factor,
+    increment_std,
+    make_kind,
+)
 
 QUANTITY = "specific_force, angular_velocity"
 UNIT = "m/s^2, rad/s"
@@ -120,15 +126,11 @@ def _n_samples(n_rows: int, rate_hz: float | None, tick_s: float) -> int:
     return n
 
 
-IMU = SensorKind(
-    name="imu",
-    settings=SENSOR_BLOCKS["imu"],
-    quantity=QUANTITY,
-    unit=UNIT,
-    description="IMU: values = (fx, fy, fz, wx, wy, wz), means over the tick; array = its samples, (n, 6). Body frame.",
-    build=Imu,
-    n_with_errors=0,
-)
+IMU = make_kind(
+    SensorKind, "imu", QUANTITY, UNIT,
+    "IMU: values = (fx, fy, fz, wx, wy, wz), means over the tick; array = its samples, (n, 6). Body frame.",
+    build=Imu, n_with_errors=0,
+)  # fmt: skip
 
 
 # International standard atmosphere: lapse rate [K/m], and exponent g M / (R L).
@@ -292,38 +294,20 @@ def _rotate_attitude(q: Quaternion, turn_rad: Vec3) -> Quaternion:
     )
 
 
-GPS = SensorKind(
-    name="gps",
-    settings=SENSOR_BLOCKS["gps"],
-    quantity="position, velocity",
-    unit="m, m/s",
-    description="GPS: values = (x, y, z, vx, vy, vz), world frame.",
-    build=Gps,
-    n_with_errors=0,
-)
-BAROMETER = SensorKind(
-    name="barometer",
-    settings=SENSOR_BLOCKS["barometer"],
-    quantity="pressure",
-    unit="Pa",
-    description="Barometer: values = (pressure_pa,), about 12 Pa lower per metre of height.",
-    build=Barometer,
-)
-MAGNETOMETER = SensorKind(
-    name="magnetometer",
-    settings=SENSOR_BLOCKS["magnetometer"],
-    quantity="magnetic_field",
-    unit="uT",
-    description="Magnetometer: values = (x, y, z) of the earth's field, body frame.",
-    build=Magnetometer,
-)
-POSE = SensorKind(
-    name="pose",
-    settings=SENSOR_BLOCKS["pose"],
-    quantity="position, attitude, velocity",
-    unit="m, 1, m/s",
-    description="Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; it "
-    "replaces the pose in observations.",
-    build=PoseSensor,
-    n_with_errors=0,
-)
+GPS = make_kind(
+    SensorKind, "gps", "position, velocity", "m, m/s", "GPS: values = (x, y, z, vx, vy, vz), world frame.",
+    build=Gps, n_with_errors=0,
+)  # fmt: skip
+BAROMETER = make_kind(
+    SensorKind, "barometer", "pressure", "Pa",
+    "Barometer: values = (pressure_pa,), about 12 Pa lower per metre of height.", build=Barometer,
+)  # fmt: skip
+MAGNETOMETER = make_kind(
+    SensorKind, "magnetometer", "magnetic_field", "uT",
+    "Magnetometer: values = (x, y, z) of the earth's field, body frame.", build=Magnetometer,
+)  # fmt: skip
+POSE = make_kind(
+    SensorKind, "pose", "position, attitude, velocity", "m, 1, m/s",
+    "Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; it "
+    "replaces the pose in observations.", build=PoseSensor, n_with_errors=0,
+)  # fmt: skip

@@ -13,7 +13,6 @@ from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import (
-    SENSOR_BLOCKS,
     AzimuthsSpec,
     BumpSensorSpec,
     CameraSensorSpec,
@@ -23,7 +22,7 @@ from gslcosim.scenario.models.sensors import (
     RangeFinderSpec,
     RaySensorSpec,
 )
-from gslcosim_services.sensing.models.base import SensorKind, Surroundings, new_window, push_count
+from gslcosim_services.sensing.models.base import SensorKind, Surroundings, make_kind, new_window, push_count
 
 
 class Bumper:
@@ -56,15 +55,11 @@ def note_contact(contacts: MutableSequence[float], is_touched: bool) -> float:  
     return 1.0 if push_count(contacts, 1.0 if is_touched else 0.0) > 0.0 else 0.0
 
 
-BUMPER = SensorKind(
-    name="bump",
-    settings=SENSOR_BLOCKS["bump"],
-    quantity="contact",
-    unit="1",
-    description="Bumper: values = (1 or 0,), 1 if anything touched the vehicle since the last reading.",
-    build=Bumper,
-    n_with_errors=0,
-)
+BUMPER = make_kind(
+    SensorKind, "bump", "contact", "1",
+    "Bumper: values = (1 or 0,), 1 if anything touched the vehicle since the last reading.",
+    build=Bumper, n_with_errors=0,
+)  # fmt: skip
 
 
 class Camera:
@@ -91,23 +86,12 @@ class Camera:
         return Reading(sensor=self._spec.name, quantity=kind.quantity, unit=kind.unit, values=(), image=self._image)
 
 
-def _build_camera_kind(name: str, quantity: str, unit: str, description: str) -> SensorKind:
-    return SensorKind(
-        name=name,
-        settings=SENSOR_BLOCKS[name],
-        quantity=quantity,
-        unit=unit,
-        description=description,
-        build=Camera,
-        n_with_errors=0,
+CAMERA_KINDS = tuple(
+    make_kind(SensorKind, name, quantity, unit, description, build=Camera, n_with_errors=0)
+    for name, quantity, unit, description in (
+        ("camera", "picture", "1", "Colour camera: no values; image = PNG or JPEG with its calibration."),
+        ("depth_camera", "depth", "mm", "Depth camera: no values; image = PNG of 16-bit depths, 0 out of range."),
     )
-
-
-CAMERA_KINDS = (
-    _build_camera_kind("camera", "picture", "1", "Colour camera: no values; image = PNG or JPEG with its calibration."),
-    _build_camera_kind(
-        "depth_camera", "depth", "mm", "Depth camera: no values; image = PNG of 16-bit depths, 0 out of range."
-    ),
 )
 CAMERAS_BY_NAME = {kind.name: kind for kind in CAMERA_KINDS}
 
@@ -207,24 +191,12 @@ def _build(spec: RaySensorSpec, tick_s: float, rng: np.random.Generator) -> Rang
     return RangeSensor(spec, rng)
 
 
-def _build_range_kind(name: str, description: str) -> SensorKind:
-    return SensorKind(
-        name=name,
-        settings=SENSOR_BLOCKS[name],
-        quantity="range",
-        unit="m",
-        description=description,
-        build=_build,
-        has_own_noise=True,
-        least_value=0.0,
+RANGE_KINDS = tuple(
+    make_kind(SensorKind, name, "range", "m", description, build=_build, has_own_noise=True, least_value=0.0)
+    for name, description in (
+        ("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
+        ("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
+        ("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
+        ("lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."),
     )
-
-
-RANGE_KINDS = (
-    _build_range_kind("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
-    _build_range_kind("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
-    _build_range_kind("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
-    _build_range_kind(
-        "lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."
-    ),
 )

@@ -39,8 +39,8 @@ def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
     ranges = NumericArray.from_array(np.array([[1.0, 5.0, 2.0, 5.0]], np.float32))
     scan = Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges)
     poses.add(3, BODY)
-    rows.add(3, scan)
-    rows.add(4, scan.model_copy(update={"array": None}))
+    rows.add_reading(3, scan)
+    rows.add_reading(4, scan.model_copy(update={"array": None}))
     rows.send(file)
     rows.send(file)
     ((entity, ticks, (column,)),) = file.sent
@@ -56,7 +56,7 @@ def test_a_scan_that_is_sent_again_because_a_command_is_awaited_is_recorded_once
     ranges = NumericArray.from_array(np.ones((1, 1), np.float32))
     for tick in range(8):
         poses.add(tick, BODY)
-        rows.add(tick, Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges))
+        rows.add_reading(tick, Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges))
     rows.send(file)
     assert [ticks for _, ticks, _ in file.sent] == [[0, 5]]
 
@@ -68,10 +68,10 @@ def test_a_picture_that_is_sent_twice_is_recorded_once():
     reading = Reading(sensor="eye", quantity="picture", unit="1", values=(), image=image)
     rows, file = ImageRows("seen/a/eye", spec, poses, (255, 0, 0)), SentRows()
     poses.add(64, BODY)
-    rows.add(64, reading)
+    rows.add_reading(64, reading)
     rows.send(file)
-    rows.add(65, reading)
-    rows.add(66, reading.model_copy(update={"image": image.model_copy(update={"taken_tick": 66})}))
+    rows.add_reading(65, reading)
+    rows.add_reading(66, reading.model_copy(update={"image": image.model_copy(update={"taken_tick": 66})}))
     rows.send(file)
     # A row of the picture, and one of where it hangs.
     assert [ticks for _, ticks, _ in file.sent] == [[64], [64], [66], [66]]
