@@ -150,7 +150,6 @@ class JoinData(BaseModel):
         """Return the join data that a JSON text holds.
 
         Args:
-            text: What `gslcosim up` has written.
             place: Where it comes from, for errors.
         """
         try:
@@ -171,9 +170,7 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
     """Return what a file with join data holds, which is waited for where it does not exist yet.
 
     Args:
-        path: The file.
         place: Who names it, for errors.
-        wait_s: For how long [s].
     """
     deadline = time.monotonic() + wait_s
     while not path.exists():

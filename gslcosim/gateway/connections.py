@@ -183,12 +183,7 @@ class ThreadedConnection:
         threading.Thread(target=self._write_backlog, args=(stream,), daemon=True).start()
 
     def send(self, name: str, payload: bytes) -> None:
-        """Send a message to the agent, or keep it until it can be sent; never waits.
-
-        Args:
-            name: The message's type, such as `Observation`.
-            payload: The message's canonical bytes.
-        """
+        """Send a message to the agent, or keep it until it can be sent; never waits."""
         frame = encode_message(self._format, name, payload)
         with self._lock:
             if self._is_over:
@@ -306,13 +301,7 @@ class BlockingConnection:
         return bool(self._items)
 
     def send(self, name: str, payload: bytes, *, within_s: float) -> None:
-        """Send a message.
-
-        Args:
-            name: The message's type.
-            payload: The message's canonical bytes.
-            within_s: How long it may take [s].
-        """
+        """Send a message."""
         deadline_s = time.monotonic() + within_s
         data = encode_message(self._format, name, payload)
         while data:
@@ -324,12 +313,7 @@ class BlockingConnection:
                 raise AnswerTimeoutError(f"it has not read what it was sent within {within_s:g} s")
 
     def receive(self, message_type: type[Message], *, within_s: float) -> bytes:
-        """Return the next frame as the msgpack map of a message, to be judged.
-
-        Args:
-            message_type: What it is meant to be.
-            within_s: How long to wait for it [s].
-        """
+        """Return the next frame as the msgpack map of a message, to be judged."""
         deadline_s = time.monotonic() + within_s
         while not self._items:
             if self._has_ended:
@@ -379,7 +363,6 @@ class Listener:
         """Listen on a free TCP port.
 
         Args:
-            host: The address of this machine to listen on.
             public_name: What others call this machine, where that differs.
         """
         try:

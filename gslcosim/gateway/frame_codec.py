@@ -150,13 +150,7 @@ def encode_fields(frame_format: FrameFormat, fields: Mapping[str, Any]) -> bytes
 
 
 def encode_message(frame_format: FrameFormat, name: str, payload: bytes) -> bytes:
-    """Return the frame of a message for an agent.
-
-    Args:
-        frame_format: The format that the agent has chosen.
-        name: The message's type, such as `Observation`.
-        payload: The message's canonical bytes.
-    """
+    """Return the frame of a message for an agent."""
     if frame_format == "json":
         fields: dict[str, Any] = _msgpack.unpackb(payload, raw=False)
         return encode_fields("json", {MESSAGE_KEY: name, **fields})
@@ -174,11 +168,6 @@ def decode_payload(frame_format: FrameFormat, frame: bytes, message_type: type[M
     """Return what an agent or participant sent as msgpack, for others to judge.
 
     A msgpack frame is passed on as it is; an object of JSON becomes the same map in msgpack.
-
-    Args:
-        frame_format: The format of the frame.
-        frame: What stood between two boundaries.
-        message_type: What it is meant to be.
     """
     if frame_format == "msgpack":
         return frame

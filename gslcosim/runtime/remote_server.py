@@ -177,7 +177,6 @@ class RunServer:
     """Server that answers other hosts, on threads of the bus.
 
     Args:
-        setup: The run.
         expected: The services that are started elsewhere.
     """
 
@@ -308,13 +307,7 @@ def _is_special(path: Path) -> bool:
 
 
 def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler) -> Path:
-    """Return a folder in the cache of this host with a room of a run, fetched piece by piece.
-
-    Args:
-        bus: The connection to the run.
-        offer: What it offers.
-        say: Receives how far it has come.
-    """
+    """Return a folder in the cache of this host with a room of a run, fetched piece by piece."""
     folder = get_cache_root() / "environments" / offer.environment_hash
     mark_used(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)

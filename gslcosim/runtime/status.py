@@ -81,12 +81,6 @@ class StatusServer:
     A connection is answered and closed; nothing is read from it. Processes that are confined more than the run, such
     as its agents, only get the reason why they are refused. Where no socket can be made, on Windows or on a full
     disk, the run goes on without a window.
-
-    Args:
-        run_dir: The run.
-        scenario: What is run.
-        processes: How the run is spread over processes.
-        report: Receives every report, too.
     """
 
     def __init__(

@@ -107,8 +107,6 @@ class AgentHost:
     """Session of one agent as a participant on the bus: observations in, commands out, losses repaired.
 
     Args:
-        session: The agent's session.
-        bus: The supervisor's connection.
         on_resent: Receives, on any thread, an observation that was asked for again.
         more_ticks: For so many ticks more commands are kept for who has missed them.
     """
@@ -179,8 +177,6 @@ def replay_observations(
     Sensing briefs them in the same words when it goes on; that is a repetition.
 
     Args:
-        setup: The run.
-        hosts: The hosts of the agents' sessions, by agent.
         links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
 
     Yields:

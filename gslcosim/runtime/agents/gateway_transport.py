@@ -171,12 +171,7 @@ class GatewayAgents:
         return len(self._by_agent)
 
     def start(self, children: ChildProcesses, socket_dir: Path) -> None:
-        """Start every process, or write the join files of those that attach themselves.
-
-        Args:
-            children: What the processes become part of.
-            socket_dir: A private folder for unix sockets.
-        """
+        """Start every process, or write the join files of those that attach themselves."""
         for process in self._processes():
             if process.spec.start.door == "stdio":
                 self._start_piped(process, children, socket_dir)

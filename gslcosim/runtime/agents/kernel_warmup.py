@@ -35,8 +35,6 @@ def compile_agent_kernels(
     What fails here is left to the agent's own process, which compiles for itself alone.
 
     Args:
-        scenario: The scenario.
-        directory: Its folder; relative paths start there.
         is_one_process: Whether Python agents are objects in this process, which keeps its kernels.
         notify: Is given the name of each agent before its kernels are compiled.
     """

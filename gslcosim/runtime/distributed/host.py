@@ -46,9 +46,6 @@ class ParticipantLink:
     """Link of one participant to the bus: what it writes goes out, and what it answers to others.
 
     Args:
-        bus: The connection of its process.
-        stepper: The participant.
-        dataflow: Of the whole run.
         neighbours: The participants of its process; what only they read does not travel.
         extra_ticks: For so many ticks more messages are kept for who has missed them.
         summarize: Returns what `result.json` says of it.
@@ -225,10 +222,7 @@ class Host:
         """Prepare to host cores, each of a participant of its own.
 
         Args:
-            bus: The process's connection.
             cores: From upstream to downstream.
-            dataflow: Of the whole run.
-            episode: What is run.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
             policy: Of snapshots; absent: there are none.
         """

@@ -39,8 +39,6 @@ class RunRouter:
 
     Args:
         run_dir: The run; its id is the namespace.
-        network: Where else the router listens.
-        socket_dir: A private folder for the socket.
         crews: The agents of each process that joins the bus, by the process's name.
         mesh: The processes of services on this host, which reach each other past the router.
     """
@@ -125,16 +123,7 @@ def run_distributed(
     groups: Sequence[ServiceGroup],
     fork_server: ForkServer | None = None,
 ) -> RunOutcome:
-    """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
-
-    Args:
-        setup: The run.
-        directory: The scenario's folder, where relative paths of agents start.
-        network: How processes reach the run's router.
-        report: Receives the status of the run.
-        groups: The services of each process.
-        fork_server: Forks the services, if there is one already.
-    """
+    """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards."""
     keep_memory_private()
     outcome = RunOutcome()
     began = time.perf_counter()

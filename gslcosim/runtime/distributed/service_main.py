@@ -86,7 +86,6 @@ def serve(names: Sequence[str], join: JoinData | None = None) -> None:
     """Build the cores of services, take part in a run, and return when they are dismissed.
 
     Args:
-        names: The services.
         join: How they join the run; absent: as `GSLCOSIM_JOIN` says.
 
     Exits with code 3 after a fault; the log says why.

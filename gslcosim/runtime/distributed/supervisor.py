@@ -46,13 +46,7 @@ LATE_AFTER_S = 4.0
 
 
 class StatusReporter:
-    """Reporter of a run's status: not too often, but each state at once.
-
-    Args:
-        report: Receives the status.
-        tick_ns: How long a tick is.
-        participants: Looks at the participants, for the receiver of the status.
-    """
+    """Reporter of a run's status: not too often, but each state at once."""
 
     def __init__(
         self,

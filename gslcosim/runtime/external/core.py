@@ -54,12 +54,7 @@ from gslcosim.scenario.models.participants import ParticipantProgramSpec
 
 
 def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Path) -> dict[str, dict[str, str]]:
-    """Return for each participant the words of its command that are files, with the SHA-256 of what is in them.
-
-    Args:
-        participants: Those of a scenario.
-        directory: Where their relative paths start.
-    """
+    """Return for each participant the words of its command that are files, with the SHA-256 of what is in them."""
     return {
         each.name: {
             word: hashlib.sha256(path.read_bytes()).hexdigest()
@@ -99,8 +94,6 @@ class ParticipantProgram:
     Whatever it does wrong becomes a `SimulationFault` that says what was expected, with the end of its log.
 
     Args:
-        own: The participant in the scenario.
-        setup: The run.
         arguments: Words that follow its command.
         keep: Descriptors that it inherits.
         describe_place: Returns where in the program it is, as words that follow what was expected, for its faults.
@@ -173,9 +166,7 @@ class ParticipantProgram:
         """Return what the program says next, as msgpack.
 
         Args:
-            message_type: What it is meant to be.
             what: What is expected, for the fault.
-            within_s: How long to wait for it [s].
         """
         with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
@@ -274,10 +265,6 @@ class ProgramCore(ABC):
 
     Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
     through them. They are kept only where a run has snapshots.
-
-    Args:
-        own: The participant in the scenario.
-        setup: The run.
     """
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:
@@ -357,8 +344,6 @@ class ExternalCore(ProgramCore):
     """Stands for a program that speaks the gateway's frames.
 
     Args:
-        own: The participant in the scenario.
-        setup: The run.
         message_types: The name of the message on each port that it reads or writes.
     """
 

@@ -111,11 +111,7 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
 
 
 class ForkMonitor:
-    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks.
-
-    Args:
-        source: The socket.
-    """
+    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks."""
 
     def __init__(self, source: socket.socket) -> None:
         self._source = source
@@ -220,13 +216,7 @@ class ForkServer:
         return self._is_gone and not self._is_closing
 
     def fork(self, name: str, request: Mapping[str, Any], *, log: Path) -> ForkedProcess:
-        """Ask for a process.
-
-        Args:
-            name: Of the process.
-            request: What it shall do, as JSON knows it.
-            log: Where its output goes.
-        """
+        """Ask for a process."""
         process = ForkedProcess(name)
         with self._lock:
             self._was_asked = True
@@ -308,12 +298,7 @@ class ForkWork:
 
 
 def serve_forks(fd: int, work: ForkWork) -> None:
-    """Serve requests from a socket until its other end is closed.
-
-    Args:
-        fd: The socket's file descriptor.
-        work: What forks do.
-    """
+    """Serve requests from a socket until its other end is closed."""
     keep_memory_private()
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()

@@ -70,8 +70,6 @@ def find_repeated_divergence(
     """Return where a run first differs from the one that it repeats; None where it does not.
 
     Args:
-        before: Of the run that is repeated.
-        now: Of the one that repeats it.
         last_tick: How far it repeats the other: what that one did afterwards does not count.
         scenarios: Of the one that is repeated, and of the other: what they record may differ.
         other: Ports that may differ besides.

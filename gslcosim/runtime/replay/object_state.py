@@ -700,7 +700,6 @@ class ObjectState:
     by the same code, from settings that may differ where no state depends on them, takes it with `bring_back`.
 
     Args:
-        root: The object.
         fixed: Types of things that never change, which are not looked into.
         packages: From which packages objects are walked through, beside that of the root.
     """

@@ -110,13 +110,10 @@ def replay_run(
     A run that came to no verdict is run as far as all its services had come.
 
     Args:
-        past: The run.
-        runs_dir: Where the new run's folder is made.
         recording: Keys of the scenario's `recording` that are others now, such as `from_s`.
         until_s: Where to end [s of simulated time]; absent: where the run ended.
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
-        report: Receives the status of the run.
     """
     past.check_flown_here()
     began = time.perf_counter()

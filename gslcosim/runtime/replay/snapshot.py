@@ -127,8 +127,6 @@ class SnapshotPart:
         """Return what a file holds.
 
         Args:
-            data: Its content.
-            path: The file.
             is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
         """
         try:
@@ -282,10 +280,7 @@ def find_nearest_snapshot(
     """Return the last snapshot at or before a tick that can be used, or why there is none, as a sentence.
 
     Args:
-        run_dir: The run's folder.
         scenario: The run's; what its agents were sent must be there too.
-        participants: Those whose parts it takes.
-        until_tick: The tick.
     """
     folders = [folder for folder in _list_folders(run_dir) if int(folder.name) <= until_tick]
     reason = ""

@@ -136,7 +136,6 @@ def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) 
     Version control's folders count among them. Files of programs do not, whatever they say.
 
     Args:
-        folders: They are searched to their ends.
         sources: Files that are truth under each name that they have.
     """
     inodes = {(status.st_dev, status.st_ino) for path in sources if (status := _status(path)) is not None}
@@ -365,7 +364,6 @@ def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[s
     """Return by agent and participant what its process is confined by, in the words of `result.json`.
 
     Args:
-        scenario: The scenario.
         is_one_process: Whether Python agents are objects in this process.
     """
     starts = {agent.name: agent for agent in scenario.agents}
@@ -394,7 +392,6 @@ def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Probl
 
     Args:
         scenario: What is to be flown; its `processes` say whether Python agents are objects.
-        directory: Not needed.
     """
     del directory
     is_one_process = scenario.processes == "one"
@@ -501,8 +498,6 @@ def build_environment_variables(
     """Return the variables with which the process of an agent or participant starts; those of the run come on top.
 
     Args:
-        agent: The agent or participant.
-        command: What starts it.
         surroundings: From which variables are taken; absent: this process's own.
     """
     around = os.environ if surroundings is None else surroundings
@@ -523,17 +518,7 @@ def build_confinement(
     sockets: Sequence[Path] = (),
     tcp_port: int | None = None,
 ) -> Confinement:
-    """Return how the process of an agent or participant is confined.
-
-    Args:
-        agent: The agent or participant whose process it is.
-        command: What starts it.
-        setup: The run, none of which it sees.
-        directory: The scenario's folder.
-        private_dir: Where private folders may be made.
-        sockets: The unix sockets of its transport.
-        tcp_port: The port of its transport.
-    """
+    """Return how the process of an agent or participant is confined."""
     kind = choose_sandbox(agent)
     environment = build_environment_variables(agent, command)
     if kind == "none":
