@@ -12,9 +12,9 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path[:0] = [str(BENCHMARKS), str(BENCHMARKS / "peers")]
 
 import bench_peers  # noqa: E402 - a script beside this folder
+from in_memory_bus import InMemoryHub  # noqa: E402 - as above
 from ring import NAMES, Participant, places, run_processes, text_of, ticks_per_s  # noqa: E402 - as above
 
-from gslcosim.bus.interface import InMemoryHub  # noqa: E402 - as above
 from gslcosim.runtime.distributed import protocol  # noqa: E402 - as above
 from gslcosim.runtime.run_dir import RunDir  # noqa: E402 - as above
 from gslcosim_ring import Watch  # noqa: E402 - as above

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from in_memory_bus import InMemoryBus, InMemoryHub
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.bus.interface import InMemoryBus, InMemoryHub
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Observation, Verdict
 from gslcosim.environment.generation import prepare_environment

@@ -12,9 +12,10 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from in_memory_bus import InMemoryHub
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault, UsageError
-from gslcosim.bus.interface import InMemoryHub, JoinData
+from gslcosim.bus.interface import JoinData
 from gslcosim.environment.model import Environment, Grid, WindFrames, content_hash
 from gslcosim.environment.store import save_environment
 from gslcosim.runtime import remote_server

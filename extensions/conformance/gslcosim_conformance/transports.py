@@ -15,7 +15,6 @@ from typing import Literal, Protocol
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
-from gslcosim.bus.audit_router import AuditRouter
 from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE, JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, generate_password
 from gslcosim.contract import codec, keys
@@ -33,6 +32,7 @@ from gslcosim.runtime.agents.session import (
     ObservationOrHead,
 )
 from gslcosim.runtime.processes.child_processes import ChildProcesses
+from gslcosim_conformance.audit_router import AuditRouter
 from gslcosim_conformance.scripted_world import AGENT, OTHER_AGENT
 
 MARK_VARIABLE = "GSLCOSIM_CHECK"

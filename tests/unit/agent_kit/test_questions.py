@@ -5,10 +5,10 @@ import threading
 
 import pytest
 from deadlines import EVENT_S
+from in_memory_bus import InMemoryHub
 
 from gslcosim.agent_kit import Agent, Command
 from gslcosim.agent_kit.agent import answer_observations
-from gslcosim.bus.interface import InMemoryHub
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Ending
 from gslcosim_conformance.scripted_world import AGENT, ScriptedWorld, build_briefing

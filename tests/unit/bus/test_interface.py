@@ -1,8 +1,7 @@
 """The bus in memory behaves as the one over Zenoh where the framework relies on it."""
 
 import pytest
-
-from gslcosim.bus.interface import InMemoryHub, matches
+from in_memory_bus import InMemoryHub, matches
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from in_memory_bus import InMemoryHub
 
 from gslcosim.base.errors import RunTimeoutError, SimulationFault, UsageError
-from gslcosim.bus.interface import InMemoryHub
 from gslcosim.environment.generation.cache import with_variants
 from gslcosim.environment.model import Environment, EnvironmentVariant, Grid, WindFrames, content_hash
 from gslcosim.environment.store import WIND_FILE, load_environment, save_environment

@@ -7,9 +7,9 @@ import threading
 import numpy as np
 import pytest
 from deadlines import EVENT_S
+from in_memory_bus import InMemoryHub
 from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 
-from gslcosim.bus.interface import InMemoryHub
 from gslcosim.contract import keys
 from gslcosim.contract.messages import FieldSamples, MountSample
 from gslcosim.contract.participant import Episode
