@@ -9,6 +9,7 @@ from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentSession,
+    AgentTransport,
     CommandReceived,
     CommandRefused,
     EventSink,
@@ -26,7 +27,7 @@ MAX_QUEUED_BYTES = 32 * 1024 * 1024
 _EVENT_BYTES = 256  # what even an empty message costs while it waits
 
 
-class BusTransport:
+class BusTransport(AgentTransport):
     """Transport to an agent that is a process on the bus, which gets briefing and observations from their writer.
 
     So only what may have got lost is sent from here. The bus calls `on_command` and `on_longer` on one thread;

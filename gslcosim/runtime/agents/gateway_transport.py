@@ -13,6 +13,7 @@ from gslcosim.runtime.agents.loader import build_start_command
 from gslcosim.runtime.agents.session import (
     AgentJoined,
     AgentLost,
+    AgentTransport,
     CommandReceived,
     CommandRefused,
     EventSink,
@@ -98,10 +99,8 @@ class _AgentProcess:
             self.put(AgentLost(agent=name, reason=text))
 
 
-class GatewayTransport:
+class GatewayTransport(AgentTransport):
     """Transport to one agent behind the gateway; agents of one process share its stream."""
-
-    is_lossy = False
 
     def __init__(self, process: _AgentProcess) -> None:
         self._process = process
@@ -125,9 +124,6 @@ class GatewayTransport:
             self._process.link.send("Observation", payload)
         else:
             self._waiting.append(payload)
-
-    def repeat(self) -> None:
-        """Do nothing: a stream loses nothing; see `AgentTransport`."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
         """Let the next frame come; see `AgentTransport`."""

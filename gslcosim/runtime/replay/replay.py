@@ -16,8 +16,8 @@ from gslcosim.contract.messages import Briefing, Command, Ending
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentLost,
+    AgentTransport,
     CommandReceived,
-    CommandRefused,
     EventSink,
     ObservationOrHead,
     build_session,
@@ -58,10 +58,8 @@ class ReplayResult:
         return ExitCode.SUCCESS if self.flight.exit_code in ended_well else self.flight.exit_code
 
 
-class RecordedTransport:
+class RecordedTransport(AgentTransport):
     """Transport that answers for an agent with recorded commands, or without them never; see `AgentTransport`."""
-
-    is_lossy = False
 
     def __init__(self, agent: str, commands: Mapping[int, Command] | None, put: EventSink) -> None:
         self._agent = agent
@@ -84,12 +82,6 @@ class RecordedTransport:
             self._put(AgentLost(agent=self._agent, reason="the agent was gone from here on."))
         else:
             self._put(CommandReceived(agent=self._agent, payload=codec.encode(command), decided_in_s=0.0))
-
-    def repeat(self) -> None:
-        """Do nothing: no message gets lost."""
-
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: it waits until it is asked."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Do nothing: nobody is there."""
