@@ -57,26 +57,11 @@ class Stream(Protocol):
         ...
 
 
-class PipeStream:
-    """The standard input and output of a process, unbuffered, from outside."""
-
-    def __init__(self, to_agent: FileIO, from_agent: FileIO) -> None:
-        self._to_agent = to_agent
-        self._from_agent = from_agent
-        # Only this end of the pipe: the agent's own is another, and stays as the agent expects it.
-        os.set_blocking(to_agent.fileno(), False)
-        self._writable = select.poll()
-        self._writable.register(to_agent.fileno(), select.POLLOUT)
-        self._readable = select.poll()
-        self._readable.register(from_agent.fileno(), select.POLLIN)
-
-    def read(self) -> bytes:
-        """Return the next bytes; see `Stream`."""
-        return self._from_agent.read(READ_BYTES) or b""
-
-    def write_now(self, data: bytes) -> int:
-        """Write what fits; see `Stream`."""
-        return self._to_agent.write(data) or 0
+class _PolledStream:
+    def _poll(self, input_fd: int, output_fd: int) -> None:
+        self._readable, self._writable = select.poll(), select.poll()
+        self._readable.register(input_fd, select.POLLIN)
+        self._writable.register(output_fd, select.POLLOUT)
 
     def wait_writable(self, timeout_s: float | None = None) -> bool:
         """Wait until something fits again; see `Stream`."""
@@ -85,6 +70,25 @@ class PipeStream:
     def wait_readable(self, timeout_s: float) -> bool:
         """Wait until there is something to read; see `Stream`."""
         return bool(self._readable.poll(1e3 * timeout_s))
+
+
+class PipeStream(_PolledStream):
+    """The standard input and output of a process, unbuffered, from outside."""
+
+    def __init__(self, to_agent: FileIO, from_agent: FileIO) -> None:
+        self._to_agent = to_agent
+        self._from_agent = from_agent
+        # Only this end of the pipe: the agent's own is another, and stays as the agent expects it.
+        os.set_blocking(to_agent.fileno(), False)
+        self._poll(from_agent.fileno(), to_agent.fileno())
+
+    def read(self) -> bytes:
+        """Return the next bytes; see `Stream`."""
+        return self._from_agent.read(READ_BYTES) or b""
+
+    def write_now(self, data: bytes) -> int:
+        """Write what fits; see `Stream`."""
+        return self._to_agent.write(data) or 0
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""
@@ -96,16 +100,13 @@ class PipeStream:
             self._to_agent.close()
 
 
-class SocketStream:
+class SocketStream(_PolledStream):
     """A connection that an agent has made."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._open_sides = {socket.SHUT_RD, socket.SHUT_WR}
-        self._writable = select.poll()
-        self._writable.register(connection.fileno(), select.POLLOUT)
-        self._readable = select.poll()
-        self._readable.register(connection.fileno(), select.POLLIN)
+        self._poll(connection.fileno(), connection.fileno())
 
     def read(self) -> bytes:
         """Return the next bytes; see `Stream`."""
@@ -120,14 +121,6 @@ class SocketStream:
             return self._connection.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return 0
-
-    def wait_writable(self, timeout_s: float | None = None) -> bool:
-        """Wait until something fits again; see `Stream`."""
-        return bool(self._writable.poll(None if timeout_s is None else 1e3 * timeout_s))
-
-    def wait_readable(self, timeout_s: float) -> bool:
-        """Wait until there is something to read; see `Stream`."""
-        return bool(self._readable.poll(1e3 * timeout_s))
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""
