@@ -245,7 +245,7 @@ class _Launcher:
                 self.setup,
                 directory=self.directory,
                 private_dir=private_dir,
-                sockets=[self.router.socket],
+                address=f"unix:{self.router.socket}",
             )
             name = get_agent_participant(process)
             self.children.start(

@@ -515,11 +515,15 @@ def build_confinement(
     *,
     directory: Path,
     private_dir: Path,
-    sockets: Sequence[Path] = (),
-    tcp_port: int | None = None,
+    address: str = "",
 ) -> Confinement:
-    """Return how the process of an agent or participant is confined."""
+    """Return how the process of an agent or participant is confined, which reaches the run at an address, if at one.
+
+    Args:
+        address: `unix:PATH` or `tcp:HOST:PORT`.
+    """
     kind = choose_sandbox(agent)
+    door, _, place = address.partition(":")
     environment = build_environment_variables(agent, command)
     if kind == "none":
         return Confinement(limits=agent.limits, environment=environment)
@@ -552,8 +556,8 @@ def build_confinement(
         reads=_keep_existing([*readable, *([kernels] if kernels is not None else [])]),
         hidden=_keep_existing([*hidden, *_under_other_names(hidden, readable)]),
         writes=_keep_existing(writes),
-        sockets=tuple(sockets),
-        tcp_port=tcp_port,
+        sockets=(Path(place),) if door == "unix" else (),
+        tcp_port=int(place.rpartition(":")[2]) if door == "tcp" else None,
         kernels=kernels,
         scratch=scratch,
     )
