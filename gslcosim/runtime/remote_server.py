@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
 from typing import Annotated
@@ -34,6 +33,7 @@ from gslcosim.environment.store import (
     load_environment,
 )
 from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.run_dir import get_package_version
 from gslcosim.runtime.setup import RunSetup
 
 # Printed here, and written by another host.
@@ -69,7 +69,7 @@ class SoftwareVersions(BaseModel):
             contract=get_contract_hash(),
             code=hash_result_code(),
             python=f"{sys.version_info[0]}.{sys.version_info[1]}",
-            packages={name: _get_version(name) for name in _COMPARED_PACKAGES},
+            packages={name: get_package_version(name) for name in _COMPARED_PACKAGES},
             processor=get_host_cpu_name(),
         )
 
@@ -97,13 +97,6 @@ class SoftwareVersions(BaseModel):
                 f"expected gslcosim's code as the run has it, {self.code[:12]}, was {here.code[:12]}: it was changed."
             )
         return ""
-
-
-def _get_version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "missing"
 
 
 OFFER_KEY = "rpc/run/offer"

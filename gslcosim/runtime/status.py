@@ -27,11 +27,6 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
 
 
-def no_participants() -> list[ParticipantStatus]:
-    """Return none: there are none yet, or any more."""
-    return []
-
-
 @dataclass(frozen=True, kw_only=True)
 class RunStatus:
     """One moment of a run, for a person to watch.
@@ -50,7 +45,7 @@ class RunStatus:
     real_time_factor: float = 0.0
     is_late: bool = False
     is_compiling: bool = False
-    participants: Callable[[], list[ParticipantStatus]] = no_participants
+    participants: Callable[[], list[ParticipantStatus]] = list
     run_dir: Path | None = None
 
 
@@ -240,16 +235,9 @@ class _RunFacts(TypedDict):
 
 # Of a run whose process stands still.
 _UNKNOWN_FACTS: dict[str, Any] = {
-    "run_id": "",
-    "run_dir": "",
-    "processes": "",
-    "began_at": "",
+    **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
+    **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
     "state": "silent",
-    "text": "",
-    "wall_s": 0.0,
-    "sim_time_s": 0.0,
-    "time_limit_s": 0.0,
-    "real_time_factor": 0.0,
     "participants": [],
 }
 
