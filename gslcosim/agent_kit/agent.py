@@ -92,7 +92,6 @@ class AgentGroup:
         """Prepare a group.
 
         Args:
-            names: The agents, in the order of the scenario.
             leave: Receives the name of an agent that has failed and takes no part any more.
         """
         self._agent_type = agent_type
@@ -205,7 +204,6 @@ def answer_frames(
     """Answer observations that come in frames until the run ends or the frames do.
 
     Args:
-        names: The agents, in the order of the scenario.
         output: Where answers go, unbuffered.
 
     Raises:
@@ -315,7 +313,6 @@ def answer_observations(
     """Connect agents to a bus and answer their observations until the run ends, the link is lost, or all have failed.
 
     Args:
-        names: The agents that it flies, in the order of the scenario.
         events: Where `("lost", b"")` is put when the link is lost.
 
     Returns:

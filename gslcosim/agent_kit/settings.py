@@ -35,11 +35,7 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
 
 
 def extract_settings(kind: type[Settings], settings: object) -> Settings:
-    """Return the part of a method's settings that a dataclass names; those that the method lacks keep their defaults.
-
-    Args:
-        settings: Attributes by name, as of `load_settings`.
-    """
+    """Return the part of a method's settings that a dataclass names; those that are missing keep their defaults."""
     return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})
 
 

@@ -1,6 +1,5 @@
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownVariableType=false
-# pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
-# pyright: reportUnknownVariableType=false
+# pyright: reportUnknownLambdaType=false
 """Bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
 
 import base64
@@ -239,7 +238,6 @@ class ZenohMailbox:
 
     Args:
         prefix: The namespace with its slash, which keys are given without.
-        key: What the channel subscribes to.
         wake_key: A key that `key` matches and nobody else uses.
     """
 

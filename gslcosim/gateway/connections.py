@@ -394,7 +394,6 @@ class Listener:
         Args:
             frame_format: The format of its frames, and already of the one with the token.
             on_admitted: Gets the agent's connection and the whole map of its first frame.
-            on_refused: Receives why a connection was not the agent's.
         """
         arguments = (frame_format, on_admitted, on_refused)
         threading.Thread(target=self._accept, args=arguments, daemon=True).start()

@@ -196,7 +196,6 @@ class JoinFile:
         """Read a join file.
 
         Args:
-            wait_s: For how long it is waited for where it is not there yet [s].
             endpoint: Where the run is reached from here; absent: as the file says.
         """
         text = read_join_file(path, place="join file", wait_s=wait_s)

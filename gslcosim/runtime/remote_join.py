@@ -39,11 +39,7 @@ from gslcosim.scenario.loader import read_resolved
 
 
 def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> list[str]:
-    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is.
-
-    Args:
-        is_behind_gateway: Whether it has to connect to the gateway by TCP itself.
-    """
+    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is."""
     if not words:
         raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
     is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])

@@ -167,11 +167,7 @@ class ChunkRequest(protocol.ControlMessage):
 
 
 class RunServer:
-    """Server that answers other hosts, on threads of the bus.
-
-    Args:
-        expected: The services that are started elsewhere.
-    """
+    """Server that answers other hosts, on threads of the bus."""
 
     def __init__(self, setup: RunSetup, expected: Sequence[str]) -> None:
         self._setup = setup
@@ -284,7 +280,8 @@ def find_local_environment(offer: OfferedEnvironment) -> Path | None:
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
         mark_used(folder)
-        if any(_is_special(folder / name) for name in ENVIRONMENT_FILES):
+        # To open a pipe would wait for ever; the run's host names the folder.
+        if any((folder / name).exists() and not (folder / name).is_file() for name in ENVIRONMENT_FILES):
             continue
         try:
             if load_environment(folder).content_hash == offer.environment_hash:
@@ -292,11 +289,6 @@ def find_local_environment(offer: OfferedEnvironment) -> Path | None:
         except EnvironmentDataError:
             continue
     return None
-
-
-# To open a pipe would wait for ever; the run's host names the folder.
-def _is_special(path: Path) -> bool:
-    return path.exists() and not path.is_file()
 
 
 def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler) -> Path:

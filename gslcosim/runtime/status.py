@@ -295,7 +295,9 @@ def query_status(window: Path) -> ActiveRun | None:
             facts = _UNKNOWN_FACTS | {"state": "refused", "text": str(error)}
         except TimeoutError:
             facts = _UNKNOWN_FACTS
-        return ActiveRun(window, _find_pid(connection, window), facts, time.monotonic())
+        # Elsewhere than on Linux it is the one in the window's name.
+        pid = read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])
+        return ActiveRun(window, pid, facts, time.monotonic())
     return None
 
 
@@ -343,8 +345,3 @@ def _read_all(connection: socket.socket) -> bytes:
         if len(data) > _MAX_STATUS_BYTES or time.monotonic() > deadline_s:
             raise TimeoutError
     return bytes(data)
-
-
-# Elsewhere than on Linux it is the one in the window's name.
-def _find_pid(connection: socket.socket, window: Path) -> int:
-    return read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])

@@ -126,10 +126,10 @@ class AgentHost:
     def listen(self) -> None:
         """Answer who missed a command."""
         self._bus.answer(protocol.build_resend_key(self._name), self._kept.answer)
-        self._bus.answer(protocol.build_finished_key(self._name), lambda _: [self._finished()])
-
-    def _finished(self) -> bytes:
-        return protocol.ReaderReport(name=self._name, tick=self.session.last_tick).to_bytes()
+        self._bus.answer(
+            protocol.build_finished_key(self._name),
+            lambda _: [protocol.ReaderReport(name=self._name, tick=self.session.last_tick).to_bytes()],
+        )
 
     def brief(self, payload: bytes) -> None:
         """Take the agent's briefing."""

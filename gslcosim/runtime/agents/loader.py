@@ -25,11 +25,7 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
 
 
 def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[str]) -> dict[str, type[Agent]]:
-    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too.
-
-    Args:
-        elsewhere: The agents that are processes.
-    """
+    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too."""
     types: dict[str, type[Agent]] = {}
     for agent in scenario.agents:
         if agent.name in elsewhere or agent.process != agent.name:

@@ -283,6 +283,11 @@ class AgentSession:
         return None if asked_at_s is None else time.monotonic() - asked_at_s
 
     @property
+    def state(self) -> ParticipantState:
+        """State of the agent for a person to watch."""
+        return "joining" if self.is_awaited else "deciding" if self.is_pending else "waiting"
+
+    @property
     def is_pending(self) -> bool:
         """True when simulated time may have to wait for the agent."""
         return self._asked_at_s is not None
@@ -400,12 +405,6 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
 def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
     """Return one moment of all agents."""
     return [
-        ParticipantStatus(name=name, state=_get_state(session), tick=session.last_tick, occupied_s=session.owed_s)
+        ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
         for name, session in sessions.items()
     ]
-
-
-def _get_state(session: AgentSession) -> ParticipantState:
-    if session.is_awaited:
-        return "joining"
-    return "deciding" if session.is_pending else "waiting"

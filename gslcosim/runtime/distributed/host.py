@@ -48,7 +48,6 @@ class ParticipantLink:
     Args:
         neighbours: The participants of its process; what only they read does not travel.
         extra_ticks: For so many ticks more messages are kept for who has missed them.
-        summarize: Returns what `result.json` says of it.
     """
 
     def __init__(

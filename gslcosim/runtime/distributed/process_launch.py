@@ -151,7 +151,9 @@ def run_distributed(
         if fork_server is None and starts_services and ForkServer.is_possible():
             fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(ChildProcesses(on_exit))
-        stack.enter_context(StopMonitor(lambda: _list_pids(children, fork_server), on_stopped))
+        # First, since nothing is known of its forks while it is stopped.
+        server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
+        stack.enter_context(StopMonitor(lambda: server | children.pids, on_stopped))
         here = [get_process_name(group) for group in groups if not network.is_remote(group[0])]
         router = RunRouter(setup.run_dir, network, socket_dir, crews, mesh=here)
         bus = stack.enter_context(router.open())
@@ -189,12 +191,6 @@ def run_distributed(
             offering.wait_until_gone(EXIT_TIMEOUT_S)
         supervisor.complete(outcome)
     return outcome
-
-
-def _list_pids(children: ChildProcesses, fork_server: ForkServer | None) -> dict[str, int]:
-    # First, since nothing is known of its forks while it is stopped.
-    server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
-    return server | children.pids
 
 
 @dataclass(frozen=True)

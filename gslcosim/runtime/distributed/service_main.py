@@ -26,11 +26,7 @@ if TYPE_CHECKING:
 
 
 def main(words: Sequence[str]) -> None:
-    """Serve the services that the command line names, in this one process, or fork servers of them.
-
-    Args:
-        words: The command line after the program: at least one name, or `--fork-server` and a file descriptor.
-    """
+    """Serve the services that the command line names, in this one process, or fork servers of them."""
     if words[:1] == ["--fork-server"]:
         serve_forks(int(words[1]), build_fork_work())
         return

@@ -167,9 +167,6 @@ class RestartPolicy:
     A process is started again as long as the run has come further since it last died, and otherwise `restart.tries`
     times: what dies at the same tick again and again is a fault. One that only reads, such as the recorder, is not:
     what it has seen is nowhere else.
-
-    Args:
-        start: Starts the process of a group, and gets how it ended.
     """
 
     scenario: Scenario

@@ -95,7 +95,6 @@ class ParticipantProgram:
 
     Args:
         arguments: Words that follow its command.
-        keep: Descriptors that it inherits.
         describe_place: Returns where in the program it is, as words that follow what was expected, for its faults.
     """
 
@@ -156,11 +155,7 @@ class ParticipantProgram:
             self._opened.send(name, payload, within_s=self._own.answer_within_s)
 
     def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
-        """Return what the program says next, as msgpack.
-
-        Args:
-            what: What is expected, for the fault.
-        """
+        """Return what the program says next, as msgpack."""
         with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
 
@@ -334,11 +329,7 @@ class ProgramCore(ABC):
 
 
 class ExternalCore(ProgramCore):
-    """Stands for a program that speaks the gateway's frames.
-
-    Args:
-        message_types: The name of the message on each port that it reads or writes.
-    """
+    """Stands for a program that speaks the gateway's frames."""
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, message_types: Mapping[str, str]) -> None:
         super().__init__(own, setup)

@@ -583,7 +583,11 @@ class StateWriter:
                 type_ = find_type(node["t"], "b", self._packages)
                 return type_.__new__(type_, *(self._value(item) for item in node["v"]))
             case "x":
-                return self._foreign(node, found)
+                foreign = find_external_adapter(found.value) if found is not None else None
+                if found is None or foreign is None:
+                    raise _build_kind_error(found, "something of another library")
+                foreign.restore(found.value, self._value(node["v"]))
+                return found.value
             case other:
                 raise SnapshotError(f"expected a node, was one of kind {other!r}.")
 
@@ -632,13 +636,6 @@ class StateWriter:
         del numbers[:]
         numbers.frombytes(node["v"])
         return numbers
-
-    def _foreign(self, node: Node, found: BaselineEntry | None) -> Any:
-        foreign = find_external_adapter(found.value) if found is not None else None
-        if found is None or foreign is None:
-            raise _build_kind_error(found, "something of another library")
-        foreign.restore(found.value, self._value(node["v"]))
-        return found.value
 
 
 def _build_kind_error(found: BaselineEntry | None, wanted: str) -> SnapshotError:

@@ -89,7 +89,6 @@ def confine(
         lists: Folders whose names may be listed, with all below.
         writes: Folders to do anything in, but to make sockets.
         files_rw: Files and devices to read and write.
-        tcp_ports: Ports to connect to.
         is_about_files: Whether files are confined at all, or the network alone.
     """
     abi = read_landlock_version()

@@ -64,7 +64,6 @@ class Launch:
 
     Args:
         environment: All variables of the process itself. The launcher does not start with them.
-        keep: Descriptors that the process itself inherits.
     """
 
     def __init__(

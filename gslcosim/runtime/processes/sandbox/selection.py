@@ -361,11 +361,7 @@ def find_strongest_sandbox() -> SandboxKind:
 
 
 def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, str]:
-    """Return by agent and participant what its process is confined by, in the words of `result.json`.
-
-    Args:
-        is_one_process: Whether Python agents are objects in this process.
-    """
+    """Return by agent and participant what its process is confined by, in the words of `result.json`."""
     starts = {agent.name: agent for agent in scenario.agents}
     of_agents = {
         agent.name: _describe_sandbox(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents
@@ -397,20 +393,16 @@ def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Probl
     is_one_process = scenario.processes == "one"
     for i, agent in enumerate(scenario.agents):
         if agent.process == agent.name:
-            problems = _find_unmet_demands(agent, is_one_process=is_one_process)
+            is_object = is_one_process and not agent.start.is_behind_gateway
+            has_none = agent.start.attach or is_object
+            problems = (_find_demands_without_process if has_none else _find_unmet_demands)(agent)
             yield from (replace(problem, where=f"agents[{i}].{problem.where}") for problem in problems)
     for i, participant in enumerate(scenario.participants):
-        problems = _find_unmet_demands_of_process(participant)
-        yield from (replace(problem, where=f"participants[{i}].{problem.where}") for problem in problems)
+        for problem in _find_unmet_demands(participant):
+            yield replace(problem, where=f"participants[{i}].{problem.where}")
 
 
-def _find_unmet_demands(agent: AgentSpec, *, is_one_process: bool) -> Iterator[Problem]:
-    if agent.start.attach or (is_one_process and not agent.start.is_behind_gateway):
-        return _find_demands_without_process(agent)
-    return _find_unmet_demands_of_process(agent)
-
-
-def _find_unmet_demands_of_process(agent: ConfinementSpec) -> Iterator[Problem]:
+def _find_unmet_demands(agent: ConfinementSpec) -> Iterator[Problem]:
     found = (_find_missing_sandbox(agent), _find_missing_limits(agent), _find_unset_variable(agent, os.environ))
     return (problem for problem in found if problem is not None)
 
