@@ -92,9 +92,6 @@ class AgentGroup:
         """Prepare a group.
 
         Args:
-            agent_type: Makes an agent of its briefing.
-            names: The agents, in the order of the scenario.
-            send: Sends an agent's answer.
             leave: Receives the name of an agent that has failed and takes no part any more.
         """
         self._agent_type = agent_type
@@ -207,9 +204,6 @@ def answer_frames(
     """Answer observations that come in frames until the run ends or the frames do.
 
     Args:
-        agent_type: Makes an agent of its briefing.
-        names: The agents, in the order of the scenario.
-        source: Where frames come from.
         output: Where answers go, unbuffered.
 
     Raises:
@@ -319,9 +313,6 @@ def answer_observations(
     """Connect agents to a bus and answer their observations until the run ends, the link is lost, or all have failed.
 
     Args:
-        agent_type: Makes an agent of its briefing.
-        bus: The process's connection.
-        names: The agents that it flies, in the order of the scenario.
         events: Where `("lost", b"")` is put when the link is lost.
 
     Returns:

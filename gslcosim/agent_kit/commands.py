@@ -55,7 +55,6 @@ class LegCommander:
         """Take note of the settings.
 
         Args:
-            briefing: The agent's.
             hold_s: How long to hold after a leg [s]; absent: as long as the briefing says.
             leg_s: The least time a leg takes [s]; absent: as fast as the vehicle flies.
         """

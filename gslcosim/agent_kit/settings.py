@@ -16,7 +16,6 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
     """Return a method's settings as attributes: the scenario's values, the others by the card's defaults.
 
     Args:
-        briefing: The agent's briefing.
         program: The agent's file (`__file__`); its card is `method.yaml` beside it.
 
     Raises:
@@ -36,12 +35,7 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
 
 
 def extract_settings(kind: type[Settings], settings: object) -> Settings:
-    """Return the part of a method's settings that a dataclass names; those that the method lacks keep their defaults.
-
-    Args:
-        kind: The dataclass.
-        settings: Attributes by name, as of `load_settings`.
-    """
+    """Return the part of a method's settings that a dataclass names; those that are missing keep their defaults."""
     return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})
 
 

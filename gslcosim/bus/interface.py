@@ -144,12 +144,7 @@ class JoinData(BaseModel):
 
     @classmethod
     def from_text(cls, text: str, *, place: str) -> "JoinData":
-        """Return the join data that a JSON text holds.
-
-        Args:
-            text: What `gslcosim up` has written.
-            place: Where it comes from, for errors.
-        """
+        """Return the join data that a JSON text holds."""
         try:
             return cls.model_validate(json.loads(text))
         except (ValueError, RecursionError) as error:
@@ -165,13 +160,7 @@ def describe_problem(error: Exception) -> str:
 
 
 def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) -> str:
-    """Return what a file with join data holds, which is waited for where it does not exist yet.
-
-    Args:
-        path: The file.
-        place: Who names it, for errors.
-        wait_s: For how long [s].
-    """
+    """Return what a file with join data holds, which is waited for where it does not exist yet."""
     deadline = time.monotonic() + wait_s
     while not path.exists():
         if time.monotonic() > deadline:

@@ -1,6 +1,5 @@
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownVariableType=false
-# pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
-# pyright: reportUnknownVariableType=false
+# pyright: reportUnknownLambdaType=false
 """Bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
 
 import base64
@@ -117,7 +116,6 @@ def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = No
     """Open a session.
 
     Args:
-        config: Of the session.
         first_member: Of a member that joins a router and leaves it at once where the limit on threads is low: a router
             starts the threads that read only when the first member comes, and by then others may have taken them.
     """
@@ -151,10 +149,6 @@ def open_with_retries(open_once: Callable[[], zenoh.Session], endpoint: str) -> 
     """Open a session to the router of this machine; wait for a router that is stopped, however long that is.
 
     Zenoh gives an attempt up after seconds, and its error is the same for a stopped router and a refused password.
-
-    Args:
-        open_once: Tries to open the session.
-        endpoint: Where the router listens, as Zenoh names it.
     """
     for _ in range(_MAX_ATTEMPTS - 1):
         try:
@@ -243,9 +237,7 @@ class ZenohMailbox:
     """See `Mailbox`. Messages of the channel and those that are put have no order among each other.
 
     Args:
-        session: The member's session.
         prefix: The namespace with its slash, which keys are given without.
-        key: What the channel subscribes to.
         wake_key: A key that `key` matches and nobody else uses.
     """
 
@@ -568,7 +560,6 @@ def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> 
     """Return what all sessions of a run have in common; without a namespace their keys are whole.
 
     Args:
-        namespace: Comes before all keys.
         lease_ms: How long the session may be silent before the other side gives it up; each side states its own.
     """
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.

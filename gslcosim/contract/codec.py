@@ -100,8 +100,6 @@ def unpack_untrusted(name: str, payload: bytes, *, has_lists: bool = False) -> d
     not asked: looking costs time.
 
     Args:
-        name: What the map is, for the error.
-        payload: One msgpack map.
         has_lists: Whether arrays become lists, as of JSON, and not tuples, as messages have them.
 
     Raises:

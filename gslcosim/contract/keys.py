@@ -46,7 +46,7 @@ def command(agent: str) -> str:
 AGENT_PLACEHOLDER = "<agent>"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class KeyEntry:
     """One key of a run, relative to its namespace, and the message that travels on it.
 
@@ -65,106 +65,43 @@ class KeyEntry:
     travels: Literal["alone", "in bundles up to 4096 bytes"] = "in bundles up to 4096 bytes"
 
 
+# Key, message, writer, readers, when; and what differs from the usual.
 KEY_TABLE = (
+    KeyEntry(BODIES, "BodyPoses", "world", "fields, sensing, radio, cameras, referee, recorder", "every tick"),
+    KeyEntry(SAMPLES, "FieldSamples", "fields", "sensing, referee, recorder", "every tick"),
+    KeyEntry(FILAMENTS, "FilamentCloud", "fields", "recorder", "every `recording.gas_every_s`"),
+    KeyEntry(RADIO, "RadioTraffic", "radio", "sensing, recorder", "every tick, in runs with channels"),
+    KeyEntry(IMAGES, "CameraFrames", "cameras", "sensing", "every tick, in runs with cameras"),
     KeyEntry(
-        key=BODIES,
-        message="BodyPoses",
-        writer="world",
-        readers="fields, sensing, radio, cameras, referee, recorder",
-        when="every tick",
+        briefing(AGENT_PLACEHOLDER), "Briefing", "sensing", "that agent",
+        "once, before tick 0; again with a repeated observation",
+        direction="to agent", travels="alone",
     ),
     KeyEntry(
-        key=SAMPLES,
-        message="FieldSamples",
-        writer="fields",
-        readers="sensing, referee, recorder",
-        when="every tick",
+        observation(AGENT_PLACEHOLDER), "Observation", "sensing", "that agent, its door, recorder",
+        "every tick; again after 1 s without the command it awaits",
+        direction="to agent", express="asked", travels="alone",
     ),
     KeyEntry(
-        key=FILAMENTS,
-        message="FilamentCloud",
-        writer="fields",
-        readers="recorder",
-        when="every `recording.gas_every_s`",
+        question(AGENT_PLACEHOLDER), "Observation", "sensing",
+        "that agent, in place of all observations, if it only looks when it is asked",
+        "where an observation awaits a command; again after 1 s without it",
+        direction="to agent", express="always", travels="alone",
     ),
     KeyEntry(
-        key=RADIO,
-        message="RadioTraffic",
-        writer="radio",
-        readers="sensing, recorder",
-        when="every tick, in runs with channels",
+        raw_command(AGENT_PLACEHOLDER), "Command", "that agent", "its door",
+        "once for each observation that awaits a command",
+        direction="from agent", express="always", travels="alone",
     ),
     KeyEntry(
-        key=IMAGES,
-        message="CameraFrames",
-        writer="cameras",
-        readers="sensing",
-        when="every tick, in runs with cameras",
+        ending(AGENT_PLACEHOLDER), "Ending", "the supervisor", "that agent", "once, at the end of the run",
+        direction="to agent", express="always", travels="alone",
     ),
     KeyEntry(
-        key=briefing(AGENT_PLACEHOLDER),
-        message="Briefing",
-        writer="sensing",
-        readers="that agent",
-        when="once, before tick 0; again with a repeated observation",
-        direction="to agent",
-        travels="alone",
+        command(AGENT_PLACEHOLDER), "Command", "the agent's door", "world, radio, referee, recorder",
+        "once for each observation that awaits a command",
+        express="always", travels="alone",
     ),
-    KeyEntry(
-        key=observation(AGENT_PLACEHOLDER),
-        message="Observation",
-        writer="sensing",
-        readers="that agent, its door, recorder",
-        when="every tick; again after 1 s without the command it awaits",
-        direction="to agent",
-        express="asked",
-        travels="alone",
-    ),
-    KeyEntry(
-        key=question(AGENT_PLACEHOLDER),
-        message="Observation",
-        writer="sensing",
-        readers="that agent, in place of all observations, if it only looks when it is asked",
-        when="where an observation awaits a command; again after 1 s without it",
-        direction="to agent",
-        express="always",
-        travels="alone",
-    ),
-    KeyEntry(
-        key=raw_command(AGENT_PLACEHOLDER),
-        message="Command",
-        writer="that agent",
-        readers="its door",
-        when="once for each observation that awaits a command",
-        direction="from agent",
-        express="always",
-        travels="alone",
-    ),
-    KeyEntry(
-        key=ending(AGENT_PLACEHOLDER),
-        message="Ending",
-        writer="the supervisor",
-        readers="that agent",
-        when="once, at the end of the run",
-        direction="to agent",
-        express="always",
-        travels="alone",
-    ),
-    KeyEntry(
-        key=command(AGENT_PLACEHOLDER),
-        message="Command",
-        writer="the agent's door",
-        readers="world, radio, referee, recorder",
-        when="once for each observation that awaits a command",
-        express="always",
-        travels="alone",
-    ),
-    KeyEntry(key=SCORE, message="Score", writer="referee", readers="recorder", when="every tick"),
-    KeyEntry(
-        key=VERDICT,
-        message="Verdict",
-        writer="referee",
-        readers="recorder, the supervisor",
-        when="once, at the last tick",
-    ),
-)
+    KeyEntry(SCORE, "Score", "referee", "recorder", "every tick"),
+    KeyEntry(VERDICT, "Verdict", "referee", "recorder, the supervisor", "once, at the last tick"),
+)  # fmt: skip

@@ -151,13 +151,7 @@ class ParticipantValues(Message):
 
 
 def encode_inputs(tick: int, time_s: float, payloads: Mapping[str, bytes]) -> bytes:
-    """Return the canonical bytes of `ParticipantInputs` from those of the messages in it.
-
-    Args:
-        tick: Of the step.
-        time_s: The simulated time.
-        payloads: The canonical bytes of a message by port.
-    """
+    """Return the canonical bytes of `ParticipantInputs` from those of the messages in it."""
     packer: Any = _msgpack.Packer(use_bin_type=True)
     parts = [packer.pack_map_header(3), packer.pack("tick"), packer.pack(tick), packer.pack("time_s")]
     parts += [packer.pack(time_s), packer.pack("inputs"), packer.pack_map_header(len(payloads))]

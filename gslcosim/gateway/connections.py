@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault
+from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.contract.messages import Message
 from gslcosim.gateway.frame_codec import (
     LENGTH_BYTES,
@@ -57,26 +58,11 @@ class Stream(Protocol):
         ...
 
 
-class PipeStream:
-    """The standard input and output of a process, unbuffered, from outside."""
-
-    def __init__(self, to_agent: FileIO, from_agent: FileIO) -> None:
-        self._to_agent = to_agent
-        self._from_agent = from_agent
-        # Only this end of the pipe: the agent's own is another, and stays as the agent expects it.
-        os.set_blocking(to_agent.fileno(), False)
-        self._writable = select.poll()
-        self._writable.register(to_agent.fileno(), select.POLLOUT)
-        self._readable = select.poll()
-        self._readable.register(from_agent.fileno(), select.POLLIN)
-
-    def read(self) -> bytes:
-        """Return the next bytes; see `Stream`."""
-        return self._from_agent.read(READ_BYTES) or b""
-
-    def write_now(self, data: bytes) -> int:
-        """Write what fits; see `Stream`."""
-        return self._to_agent.write(data) or 0
+class _PolledStream:
+    def _poll(self, input_fd: int, output_fd: int) -> None:
+        self._readable, self._writable = select.poll(), select.poll()
+        self._readable.register(input_fd, select.POLLIN)
+        self._writable.register(output_fd, select.POLLOUT)
 
     def wait_writable(self, timeout_s: float | None = None) -> bool:
         """Wait until something fits again; see `Stream`."""
@@ -85,6 +71,25 @@ class PipeStream:
     def wait_readable(self, timeout_s: float) -> bool:
         """Wait until there is something to read; see `Stream`."""
         return bool(self._readable.poll(1e3 * timeout_s))
+
+
+class PipeStream(_PolledStream):
+    """The standard input and output of a process, unbuffered, from outside."""
+
+    def __init__(self, to_agent: FileIO, from_agent: FileIO) -> None:
+        self._to_agent = to_agent
+        self._from_agent = from_agent
+        # Only this end of the pipe: the agent's own is another, and stays as the agent expects it.
+        os.set_blocking(to_agent.fileno(), False)
+        self._poll(from_agent.fileno(), to_agent.fileno())
+
+    def read(self) -> bytes:
+        """Return the next bytes; see `Stream`."""
+        return self._from_agent.read(READ_BYTES) or b""
+
+    def write_now(self, data: bytes) -> int:
+        """Write what fits; see `Stream`."""
+        return self._to_agent.write(data) or 0
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""
@@ -96,16 +101,13 @@ class PipeStream:
             self._to_agent.close()
 
 
-class SocketStream:
+class SocketStream(_PolledStream):
     """A connection that an agent has made."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._open_sides = {socket.SHUT_RD, socket.SHUT_WR}
-        self._writable = select.poll()
-        self._writable.register(connection.fileno(), select.POLLOUT)
-        self._readable = select.poll()
-        self._readable.register(connection.fileno(), select.POLLIN)
+        self._poll(connection.fileno(), connection.fileno())
 
     def read(self) -> bytes:
         """Return the next bytes; see `Stream`."""
@@ -120,14 +122,6 @@ class SocketStream:
             return self._connection.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return 0
-
-    def wait_writable(self, timeout_s: float | None = None) -> bool:
-        """Wait until something fits again; see `Stream`."""
-        return bool(self._writable.poll(None if timeout_s is None else 1e3 * timeout_s))
-
-    def wait_readable(self, timeout_s: float) -> bool:
-        """Wait until there is something to read; see `Stream`."""
-        return bool(self._readable.poll(1e3 * timeout_s))
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""
@@ -183,12 +177,7 @@ class ThreadedConnection:
         threading.Thread(target=self._write_backlog, args=(stream,), daemon=True).start()
 
     def send(self, name: str, payload: bytes) -> None:
-        """Send a message to the agent, or keep it until it can be sent; never waits.
-
-        Args:
-            name: The message's type, such as `Observation`.
-            payload: The message's canonical bytes.
-        """
+        """Send a message to the agent, or keep it until it can be sent; never waits."""
         frame = encode_message(self._format, name, payload)
         with self._lock:
             if self._is_over:
@@ -306,13 +295,7 @@ class BlockingConnection:
         return bool(self._items)
 
     def send(self, name: str, payload: bytes, *, within_s: float) -> None:
-        """Send a message.
-
-        Args:
-            name: The message's type.
-            payload: The message's canonical bytes.
-            within_s: How long it may take [s].
-        """
+        """Send a message."""
         deadline_s = time.monotonic() + within_s
         data = encode_message(self._format, name, payload)
         while data:
@@ -324,12 +307,7 @@ class BlockingConnection:
                 raise AnswerTimeoutError(f"it has not read what it was sent within {within_s:g} s")
 
     def receive(self, message_type: type[Message], *, within_s: float) -> bytes:
-        """Return the next frame as the msgpack map of a message, to be judged.
-
-        Args:
-            message_type: What it is meant to be.
-            within_s: How long to wait for it [s].
-        """
+        """Return the next frame as the msgpack map of a message, to be judged."""
         deadline_s = time.monotonic() + within_s
         while not self._items:
             if self._has_ended:
@@ -379,7 +357,6 @@ class Listener:
         """Listen on a free TCP port.
 
         Args:
-            host: The address of this machine to listen on.
             public_name: What others call this machine, where that differs.
         """
         try:
@@ -401,6 +378,11 @@ class Listener:
             raise SimulationFault(f"gateway: expected to listen on {path}, could not: {error}") from error
         return cls(listening, f"unix:{path}")
 
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables by which the agent's process finds this place."""
+        return {GATEWAY_VARIABLE: self.address, TOKEN_VARIABLE: self.token}
+
     def admit(
         self,
         frame_format: FrameFormat,
@@ -412,7 +394,6 @@ class Listener:
         Args:
             frame_format: The format of its frames, and already of the one with the token.
             on_admitted: Gets the agent's connection and the whole map of its first frame.
-            on_refused: Receives why a connection was not the agent's.
         """
         arguments = (frame_format, on_admitted, on_refused)
         threading.Thread(target=self._accept, args=arguments, daemon=True).start()

@@ -146,21 +146,15 @@ def encode_fields(frame_format: FrameFormat, fields: Mapping[str, Any]) -> bytes
     """Return a map as one frame."""
     if frame_format == "json":
         return codec.dump_json_line(dict(fields)) + _LINE_FEED
-    return _prefix_length(_msgpack.packb(fields, use_bin_type=True))
+    return prefix_length(_msgpack.packb(fields, use_bin_type=True))
 
 
 def encode_message(frame_format: FrameFormat, name: str, payload: bytes) -> bytes:
-    """Return the frame of a message for an agent.
-
-    Args:
-        frame_format: The format that the agent has chosen.
-        name: The message's type, such as `Observation`.
-        payload: The message's canonical bytes.
-    """
+    """Return the frame of a message for an agent."""
     if frame_format == "json":
         fields: dict[str, Any] = _msgpack.unpackb(payload, raw=False)
         return encode_fields("json", {MESSAGE_KEY: name, **fields})
-    return _prefix_length(_insert_first_key(MESSAGE_KEY, name, payload))
+    return prefix_length(_insert_first_key(MESSAGE_KEY, name, payload))
 
 
 def decode_fields(frame_format: FrameFormat, frame: bytes) -> dict[str, Any]:
@@ -174,11 +168,6 @@ def decode_payload(frame_format: FrameFormat, frame: bytes, message_type: type[M
     """Return what an agent or participant sent as msgpack, for others to judge.
 
     A msgpack frame is passed on as it is; an object of JSON becomes the same map in msgpack.
-
-    Args:
-        frame_format: The format of the frame.
-        frame: What stood between two boundaries.
-        message_type: What it is meant to be.
     """
     if frame_format == "msgpack":
         return frame
@@ -218,7 +207,8 @@ def _decode_line(name: str, line: bytes) -> dict[str, Any]:
     return cast(dict[str, Any], fields)
 
 
-def _prefix_length(payload: bytes) -> bytes:
+def prefix_length(payload: bytes) -> bytes:
+    """Return bytes behind their length."""
     return len(payload).to_bytes(LENGTH_BYTES, "big") + payload
 
 

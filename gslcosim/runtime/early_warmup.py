@@ -20,9 +20,7 @@ def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) ->
     """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
 
     Args:
-        fork_server: Whose fork it is.
         scenario: What will be run; its environment is any but one with a `path`.
-        directory: Where its relative paths start.
 
     Returns:
         The fork; None where the server has ended, which the caller is informed of.
@@ -43,7 +41,6 @@ def warm_up_services(scenario: Scenario, directory: Path) -> None:
 
     Args:
         scenario: Its environment is any but one with a `path`.
-        directory: Where its relative paths start.
     """
     environment = build_still_environment(scenario, scenario_dir=directory)
     setup = RunSetup(run_dir=RunDir(directory), scenario=scenario, environment_dir=directory, environment=environment)

@@ -55,12 +55,7 @@ class Network:
         return ALL_SERVICES in self.elsewhere or service in self.elsewhere
 
     def check(self, services: Sequence[str], *, is_one_process: bool = False) -> None:
-        """Refuse what cannot be, or would be open to everybody.
-
-        Args:
-            services: Those of the run.
-            is_one_process: Whether the run is run in one process.
-        """
+        """Refuse what cannot be, or would be open to everybody."""
         for endpoint in self.listen:
             if endpoint.split("/")[0] not in ("tcp", "tls", "unixsock-stream"):
                 raise UsageError(
@@ -201,10 +196,7 @@ class JoinFile:
         """Read a join file.
 
         Args:
-            path: The file.
-            wait_s: For how long it is waited for where it is not there yet [s].
             endpoint: Where the run is reached from here; absent: as the file says.
-            client: The client certificate of this host.
         """
         text = read_join_file(path, place="join file", wait_s=wait_s)
         place = f"join file {path}"

@@ -87,9 +87,7 @@ class RunOutcome:
         """Return what speaks for or against the run's figures.
 
         Args:
-            scenario: What was run.
             environments: The folder of its environment, and those that events made of it.
-            manifest: The run's, where there is one.
         """
         return assess_run(
             scenario,

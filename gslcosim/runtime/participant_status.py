@@ -2,10 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
 
 from gslcosim.runtime.agents.validator import get_agent_participant
 
+# They cross hosts: no number or name of another host is taken as it comes.
+MAX_TICK = 1 << 53
+Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
+ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
+PortName = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}(/[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}){0,9}$")
+]
 ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", "silent"]
 
 
@@ -16,10 +25,10 @@ class MissingMessage:
     `last_tick` is -1 where nothing came on it yet.
     """
 
-    port: str
-    tick: int
-    writer: str
-    last_tick: int
+    port: PortName
+    tick: Tick
+    writer: ParticipantName
+    last_tick: Tick
 
 
 @dataclass(frozen=True, kw_only=True)

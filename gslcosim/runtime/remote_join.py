@@ -39,12 +39,7 @@ from gslcosim.scenario.loader import read_resolved
 
 
 def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> list[str]:
-    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is.
-
-    Args:
-        words: What stands for the agent.
-        is_behind_gateway: Whether it has to connect to the gateway by TCP itself.
-    """
+    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is."""
     if not words:
         raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
     is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])
@@ -70,11 +65,6 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
 
     It is not in a sandbox: this host has nothing of the run but what the agent may know. Its environment is the short
     one of all agents.
-
-    Args:
-        joined: The agent's join file.
-        command: Its command line.
-        say: Receives progress reports.
     """
     variables: dict[str, str] = {}
     if (gateway := joined.gateway) is not None:
@@ -117,10 +107,7 @@ def join_as_services(
     """Take part in a run as some of its services, in this one process, and return when the run is over.
 
     Args:
-        join: How to join the run.
-        names: The services.
         runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
-        say: Receives progress reports.
         is_trusted: Whether programs that the run's scenario names are started here, for its own models.
     """
     keep_memory_private()
@@ -160,13 +147,7 @@ def join_as_services(
 
 
 def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -> None:
-    """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
-
-    Args:
-        offer: The offer of the run.
-        names: The services that would be served.
-        here: What this host has.
-    """
+    """Refuse to take part where the run does not want it, or its digest would not be what it is on one host."""
     for name in names:
         if name not in offer.expected:
             raise UsageError(
@@ -202,15 +183,6 @@ def build_joined_setup(
     """Return what the services of this host are built from: the folder of the run and its rooms, which are fetched.
 
     Nothing is written but in the folder of runs and in the cache, whatever the run's host offers.
-
-    Args:
-        join: How the run is joined.
-        offer: What its host offers.
-        names: The services.
-        bus: The connection to the run.
-        runs_dir: As in `join_as_services`.
-        say: As there.
-        is_trusted: As there.
     """
     try:
         scenario = read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")

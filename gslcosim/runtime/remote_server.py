@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
 from typing import Annotated
@@ -34,6 +33,7 @@ from gslcosim.environment.store import (
     load_environment,
 )
 from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.run_dir import get_package_version
 from gslcosim.runtime.setup import RunSetup
 
 # Printed here, and written by another host.
@@ -69,7 +69,7 @@ class SoftwareVersions(BaseModel):
             contract=get_contract_hash(),
             code=hash_result_code(),
             python=f"{sys.version_info[0]}.{sys.version_info[1]}",
-            packages={name: _get_version(name) for name in _COMPARED_PACKAGES},
+            packages={name: get_package_version(name) for name in _COMPARED_PACKAGES},
             processor=get_host_cpu_name(),
         )
 
@@ -97,13 +97,6 @@ class SoftwareVersions(BaseModel):
                 f"expected gslcosim's code as the run has it, {self.code[:12]}, was {here.code[:12]}: it was changed."
             )
         return ""
-
-
-def _get_version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "missing"
 
 
 OFFER_KEY = "rpc/run/offer"
@@ -174,12 +167,7 @@ class ChunkRequest(protocol.ControlMessage):
 
 
 class RunServer:
-    """Server that answers other hosts, on threads of the bus.
-
-    Args:
-        setup: The run.
-        expected: The services that are started elsewhere.
-    """
+    """Server that answers other hosts, on threads of the bus."""
 
     def __init__(self, setup: RunSetup, expected: Sequence[str]) -> None:
         self._setup = setup
@@ -292,7 +280,8 @@ def find_local_environment(offer: OfferedEnvironment) -> Path | None:
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
         mark_used(folder)
-        if any(_is_special(folder / name) for name in ENVIRONMENT_FILES):
+        # To open a pipe would wait for ever; the run's host names the folder.
+        if any((folder / name).exists() and not (folder / name).is_file() for name in ENVIRONMENT_FILES):
             continue
         try:
             if load_environment(folder).content_hash == offer.environment_hash:
@@ -302,19 +291,8 @@ def find_local_environment(offer: OfferedEnvironment) -> Path | None:
     return None
 
 
-# To open a pipe would wait for ever; the run's host names the folder.
-def _is_special(path: Path) -> bool:
-    return path.exists() and not path.is_file()
-
-
 def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler) -> Path:
-    """Return a folder in the cache of this host with a room of a run, fetched piece by piece.
-
-    Args:
-        bus: The connection to the run.
-        offer: What it offers.
-        say: Receives how far it has come.
-    """
+    """Return a folder in the cache of this host with a room of a run, fetched piece by piece."""
     folder = get_cache_root() / "environments" / offer.environment_hash
     mark_used(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -12,12 +12,7 @@ PROBE_LIMIT_S = 60.0
 
 
 def find_rendering_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
-    """Yield a problem for each camera where nothing can be drawn.
-
-    Args:
-        scenario: Its agents' sensors.
-        directory: Not needed.
-    """
+    """Yield a problem for each camera where nothing can be drawn."""
     del directory
     reason = rendering_unavailable_reason() if scenario.cameras else ""
     if not reason:

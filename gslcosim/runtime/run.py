@@ -219,7 +219,7 @@ class OpenRun:
     def prepare(self) -> RunSetup:
         """Write the scenario, the setup and the manifest, with the rooms that events bring."""
         plan, run_dir = self._plan, self._run_dir
-        run_dir.save_scenario(dump_resolved(plan.scenario))
+        run_dir.replace(run_dir.scenario.name, dump_resolved(plan.scenario))
         progress = _PreparationReporter(self.report)
         later_rooms = prepare_variants(plan.scenario, scenario_dir=plan.directory, progress=progress)
         self._environments += later_rooms.values()

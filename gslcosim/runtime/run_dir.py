@@ -434,14 +434,6 @@ class RunDir:
         except OSError as error:
             raise self._cannot_write(INPUTS_FILE, error) from error
 
-    def save_scenario(self, text: str) -> None:
-        """Write the scenario as resolved."""
-        self.replace(self.scenario.name, text)
-
-    def save_setup(self, places: Mapping[str, Any]) -> None:
-        """Write the setup for the services of the run."""
-        self.replace(self.setup.name, json.dumps(places) + "\n")
-
     def replace(self, name: str, text: str) -> None:
         """Write a file of the run at once, never half."""
         try:

@@ -1,5 +1,6 @@
 """Setup of a run: all that its cores are built from, and the file by which services read it."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,7 +56,7 @@ class RunSetup:
             places["paced_from_tick"] = self.paced_from_tick
         if self.snapshot is not None:
             places["snapshot"] = str(self.snapshot.folder.absolute())
-        self.run_dir.save_setup(places)
+        self.run_dir.replace(self.run_dir.setup.name, json.dumps(places) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "RunSetup":

@@ -27,11 +27,6 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
 
 
-def no_participants() -> list[ParticipantStatus]:
-    """Return none: there are none yet, or any more."""
-    return []
-
-
 @dataclass(frozen=True, kw_only=True)
 class RunStatus:
     """One moment of a run, for a person to watch.
@@ -50,7 +45,7 @@ class RunStatus:
     real_time_factor: float = 0.0
     is_late: bool = False
     is_compiling: bool = False
-    participants: Callable[[], list[ParticipantStatus]] = no_participants
+    participants: Callable[[], list[ParticipantStatus]] = list
     run_dir: Path | None = None
 
 
@@ -81,12 +76,6 @@ class StatusServer:
     A connection is answered and closed; nothing is read from it. Processes that are confined more than the run, such
     as its agents, only get the reason why they are refused. Where no socket can be made, on Windows or on a full
     disk, the run goes on without a window.
-
-    Args:
-        run_dir: The run.
-        scenario: What is run.
-        processes: How the run is spread over processes.
-        report: Receives every report, too.
     """
 
     def __init__(
@@ -246,16 +235,9 @@ class _RunFacts(TypedDict):
 
 # Of a run whose process stands still.
 _UNKNOWN_FACTS: dict[str, Any] = {
-    "run_id": "",
-    "run_dir": "",
-    "processes": "",
-    "began_at": "",
+    **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
+    **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
     "state": "silent",
-    "text": "",
-    "wall_s": 0.0,
-    "sim_time_s": 0.0,
-    "time_limit_s": 0.0,
-    "real_time_factor": 0.0,
     "participants": [],
 }
 
@@ -313,7 +295,9 @@ def query_status(window: Path) -> ActiveRun | None:
             facts = _UNKNOWN_FACTS | {"state": "refused", "text": str(error)}
         except TimeoutError:
             facts = _UNKNOWN_FACTS
-        return ActiveRun(window, _find_pid(connection, window), facts, time.monotonic())
+        # Elsewhere than on Linux it is the one in the window's name.
+        pid = read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])
+        return ActiveRun(window, pid, facts, time.monotonic())
     return None
 
 
@@ -361,8 +345,3 @@ def _read_all(connection: socket.socket) -> bytes:
         if len(data) > _MAX_STATUS_BYTES or time.monotonic() > deadline_s:
             raise TimeoutError
     return bytes(data)
-
-
-# Elsewhere than on Linux it is the one in the window's name.
-def _find_pid(connection: socket.socket, window: Path) -> int:
-    return read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])

@@ -1,4 +1,4 @@
-"""Bus within one process, with losses on demand: stands for Zenoh in tests."""
+"""Bus within one process, for tests: it can lose messages, drawn from a seeded stream."""
 
 import threading
 from collections.abc import Callable

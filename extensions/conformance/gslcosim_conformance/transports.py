@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
-from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE, JoinData
+from gslcosim.bus.interface import AGENT_VARIABLE, JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, generate_password
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Ending, Message, Observation
@@ -283,7 +283,7 @@ class CheckedProcess:
         is_unix = self.connection.transport == "unix"
         listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         listener.admit(self.connection.format, lambda stream, _: on_stream(stream), on_refusal)
-        variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
+        variables |= listener.variables
         self.children.start(name, self.command(), variables=variables, log=log, cwd=cwd)
 
     def command(self) -> list[str]:

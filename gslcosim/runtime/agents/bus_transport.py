@@ -9,6 +9,7 @@ from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentSession,
+    AgentTransport,
     CommandReceived,
     CommandRefused,
     EventSink,
@@ -26,7 +27,7 @@ MAX_QUEUED_BYTES = 32 * 1024 * 1024
 _EVENT_BYTES = 256  # what even an empty message costs while it waits
 
 
-class BusTransport:
+class BusTransport(AgentTransport):
     """Transport to an agent that is a process on the bus, which gets briefing and observations from their writer.
 
     So only what may have got lost is sent from here. The bus calls `on_command` and `on_longer` on one thread;
@@ -107,8 +108,6 @@ class AgentHost:
     """Session of one agent as a participant on the bus: observations in, commands out, losses repaired.
 
     Args:
-        session: The agent's session.
-        bus: The supervisor's connection.
         on_resent: Receives, on any thread, an observation that was asked for again.
         more_ticks: For so many ticks more commands are kept for who has missed them.
     """
@@ -127,10 +126,10 @@ class AgentHost:
     def listen(self) -> None:
         """Answer who missed a command."""
         self._bus.answer(protocol.build_resend_key(self._name), self._kept.answer)
-        self._bus.answer(protocol.build_finished_key(self._name), lambda _: [self._finished()])
-
-    def _finished(self) -> bytes:
-        return protocol.ReaderReport(name=self._name, tick=self.session.last_tick).to_bytes()
+        self._bus.answer(
+            protocol.build_finished_key(self._name),
+            lambda _: [protocol.ReaderReport(name=self._name, tick=self.session.last_tick).to_bytes()],
+        )
 
     def brief(self, payload: bytes) -> None:
         """Take the agent's briefing."""
@@ -179,8 +178,6 @@ def replay_observations(
     Sensing briefs them in the same words when it goes on; that is a repetition.
 
     Args:
-        setup: The run.
-        hosts: The hosts of the agents' sessions, by agent.
         links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
 
     Yields:

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import read_agent_name
@@ -13,6 +13,7 @@ from gslcosim.runtime.agents.loader import build_start_command
 from gslcosim.runtime.agents.session import (
     AgentJoined,
     AgentLost,
+    AgentTransport,
     CommandReceived,
     CommandRefused,
     EventSink,
@@ -20,8 +21,7 @@ from gslcosim.runtime.agents.session import (
 )
 from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.child_processes import ChildProcesses
-from gslcosim.runtime.processes.sandbox.launcher_client import Confinement
+from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.processes.stop_detection import describe_stop
 from gslcosim.runtime.setup import RunSetup
@@ -62,6 +62,10 @@ class _AgentProcess:
         """Take note that the process was stopped for too long, and is being killed."""
         self._report_end(f"the agent's process {describe_stop()}.")
 
+    def refuse(self, text: str) -> None:
+        """Keep why a connection was not that of the process."""
+        self.refused_connection = text
+
     def _on_event(self, kind: EventKind, data: bytes) -> None:
         if kind == "command":
             self._put_command(data)
@@ -98,10 +102,8 @@ class _AgentProcess:
             self.put(AgentLost(agent=name, reason=text))
 
 
-class GatewayTransport:
+class GatewayTransport(AgentTransport):
     """Transport to one agent behind the gateway; agents of one process share its stream."""
-
-    is_lossy = False
 
     def __init__(self, process: _AgentProcess) -> None:
         self._process = process
@@ -125,9 +127,6 @@ class GatewayTransport:
             self._process.link.send("Observation", payload)
         else:
             self._waiting.append(payload)
-
-    def repeat(self) -> None:
-        """Do nothing: a stream loses nothing; see `AgentTransport`."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
         """Let the next frame come; see `AgentTransport`."""
@@ -171,17 +170,9 @@ class GatewayAgents:
         return len(self._by_agent)
 
     def start(self, children: ChildProcesses, socket_dir: Path) -> None:
-        """Start every process, or write the join files of those that attach themselves.
-
-        Args:
-            children: What the processes become part of.
-            socket_dir: A private folder for unix sockets.
-        """
+        """Start every process, or write the join files of those that attach themselves."""
         for process in self._processes():
-            if process.spec.start.door == "stdio":
-                self._start_piped(process, children, socket_dir)
-            else:
-                self._start_connecting(process, children, socket_dir)
+            self._start(process, children, socket_dir)
 
     def get_transport(self, agent: str) -> GatewayTransport:
         """Return a link to an agent."""
@@ -190,19 +181,15 @@ class GatewayAgents:
     def exited(self, process: str, code: int, how: str) -> bool:
         """Take note of a process's end, in words, on any thread; return whether it is one of these."""
         del code
-        for member in self._processes():
-            if get_agent_participant(member.spec.name) == process:
-                member.exited(how)
-                return True
-        return False
+        if (member := self._find(process)) is not None:
+            member.exited(how)
+        return member is not None
 
     def stopped(self, process: str) -> bool:
         """Take note, on any thread, that a process was stopped for too long; return whether it is one of these."""
-        for member in self._processes():
-            if get_agent_participant(member.spec.name) == process:
-                member.was_stopped()
-                return True
-        return False
+        if (member := self._find(process)) is not None:
+            member.was_stopped()
+        return member is not None
 
     def describe_absence(self, agent: str) -> str:
         """Return what to say of an agent, behind the gateway or not, that has not come in time."""
@@ -219,71 +206,49 @@ class GatewayAgents:
     def _processes(self) -> list[_AgentProcess]:
         return [process for name, process in self._by_agent.items() if process.spec.name == name]
 
-    def _start_piped(self, process: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
-        name = process.spec.name
-        command = build_start_command(process.spec, self._directory) or []
-        pipes = children.start_piped(
-            get_agent_participant(name),
-            command,
-            variables=self._variables(process),
-            log=self._setup.run_dir.log(get_agent_participant(name)),
-            cwd=self._directory,
-            confinement=self._confinement(process, command, private_dir),
-        )
-        self._open(process, PipeStream(*pipes))
+    def _find(self, process: str) -> _AgentProcess | None:
+        return next((each for each in self._processes() if get_agent_participant(each.spec.name) == process), None)
 
-    def _start_connecting(self, process: _AgentProcess, children: ChildProcesses, socket_dir: Path) -> None:
-        name = process.spec.name
-        listener = process.listener = self._listener(process, socket_dir)
-        listener.admit(
-            process.spec.start.format,
-            lambda stream, _: self._open(process, stream),
-            lambda text: setattr(process, "refused_connection", text),
-        )
-        command = build_start_command(process.spec, self._directory)
+    def _start(self, process: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
+        spec, name = process.spec, process.spec.name
+        listener = process.listener = self._listen(process, private_dir)
+        variables = {AGENT_VARIABLE: ",".join(process.agents)}
+        if listener is not None:
+            listener.admit(spec.start.format, lambda stream, _: self._open(process, stream), process.refuse)
+            variables |= listener.variables
+        command = build_start_command(spec, self._directory)
         if command is None:
-            fields = {
-                "name": name,
-                "gateway": listener.address,
-                "token": listener.token,
-                "format": process.spec.start.format,
-                **({"agents": process.agents} if len(process.agents) > 1 else {}),
-            }
-            self._network.write_join_file("agents", name, fields, self._setup.run_dir.path)
+            self._write_join_file(process)
             return
-        children.start(
-            get_agent_participant(name),
-            command,
-            variables=self._variables(process) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
-            log=self._setup.run_dir.log(get_agent_participant(name)),
-            cwd=self._directory,
-            confinement=self._confinement(process, command, socket_dir, listener.address),
+        participant = get_agent_participant(name)
+        address = "" if listener is None else listener.address
+        confinement = build_confinement(
+            spec, command, self._setup, directory=self._directory, private_dir=private_dir, address=address
         )
+        options = ProcessOptions(variables=variables, cwd=self._directory, confinement=confinement)
+        log = self._setup.run_dir.log(participant)
+        if listener is None:
+            self._open(process, PipeStream(*children.start_piped(participant, command, log=log, **options)))
+        else:
+            children.start(participant, command, log=log, **options)
 
-    def _confinement(
-        self, process: _AgentProcess, command: list[str], private_dir: Path, address: str = ""
-    ) -> Confinement:
-        kind, _, place = address.partition(":")
-        return build_confinement(
-            process.spec,
-            command,
-            self._setup,
-            directory=self._directory,
-            private_dir=private_dir,
-            sockets=[Path(place)] if kind == "unix" else (),
-            tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
-        )
+    def _write_join_file(self, process: _AgentProcess) -> None:
+        spec, listener = process.spec, process.listener
+        assert listener is not None
+        fields = {"name": spec.name, "gateway": listener.address, "token": listener.token, "format": spec.start.format}
+        agents = {"agents": process.agents} if len(process.agents) > 1 else {}
+        self._network.write_join_file("agents", spec.name, {**fields, **agents}, self._setup.run_dir.path)
 
-    def _listener(self, process: _AgentProcess, socket_dir: Path) -> Listener:
+    def _listen(self, process: _AgentProcess, socket_dir: Path) -> Listener | None:
+        if process.spec.start.door == "stdio":
+            return None
         if process.spec.start.door == "unix":
             # Addresses of sockets are short, agents' names may be long.
             return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(process.spec.name)}.sock")
         if process.spec.start.attach and (endpoint := self._network.public_endpoint):
-            return Listener.open_tcp("0.0.0.0", public_name=_parse_host(endpoint))
+            host = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")[0]
+            return Listener.open_tcp("0.0.0.0", public_name=host)
         return Listener.open_tcp()
-
-    def _variables(self, process: _AgentProcess) -> dict[str, str]:
-        return {AGENT_VARIABLE: ",".join(process.agents)}
 
     def _open(self, process: _AgentProcess, stream: Stream) -> None:
         process.is_open = True
@@ -295,10 +260,6 @@ class GatewayAgents:
 def describe_absence() -> str:
     """Return what to say of a participant that has not come in time."""
     return f"expected to join within {JOIN_TIMEOUT_S:g} s, did not."
-
-
-def _parse_host(endpoint: str) -> str:
-    return endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")[0]
 
 
 def _end_sentence(text: str) -> str:

@@ -33,12 +33,6 @@ def compile_agent_kernels(
     """Compile the kernels of the bundled agents that a scenario starts in sandboxes, where that was not done before.
 
     What fails here is left to the agent's own process, which compiles for itself alone.
-
-    Args:
-        scenario: The scenario.
-        directory: Its folder; relative paths start there.
-        is_one_process: Whether Python agents are objects in this process, which keeps its kernels.
-        notify: Is given the name of each agent before its kernels are compiled.
     """
     for name in _list_sandboxed_agents(scenario, directory, is_one_process=is_one_process):
         mark = _get_marker_path(name)

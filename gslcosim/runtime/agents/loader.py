@@ -14,12 +14,7 @@ from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
 
 def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
-    """Return the command line of an agent, or None when it attaches itself.
-
-    Args:
-        agent: The agent of the scenario.
-        directory: The scenario's folder; relative paths start there.
-    """
+    """Return the command line of an agent, or None when it attaches itself."""
     if agent.start.python is not None:
         return build_python_command(str(find_python_agent(agent.start.python, directory)))
     if (start := agent.start.registered) is not None:
@@ -30,13 +25,7 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
 
 
 def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[str]) -> dict[str, type[Agent]]:
-    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too.
-
-    Args:
-        scenario: The scenario.
-        directory: Its folder; relative paths start there.
-        elsewhere: The agents that are processes.
-    """
+    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too."""
     types: dict[str, type[Agent]] = {}
     for agent in scenario.agents:
         if agent.name in elsewhere or agent.process != agent.name:

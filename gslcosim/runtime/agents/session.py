@@ -78,7 +78,7 @@ class AgentTransport(Protocol):
     Messages come with their canonical bytes; a link uses what it needs.
     """
 
-    is_lossy: bool
+    is_lossy: bool = False
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing."""
@@ -89,22 +89,18 @@ class AgentTransport(Protocol):
         ...
 
     def repeat(self) -> None:
-        """Send the briefing and the last question again."""
-        ...
+        """Send the briefing and the last question again; nothing where no message gets lost."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Take note that what the agent said has been judged, so that it may say more."""
-        ...
+        """Take note that what the agent said has been judged, so that it may say more, where it waits for that."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run."""
         ...
 
 
-class ObjectTransport:
+class ObjectTransport(AgentTransport):
     """Transport to an agent object in this process: it answers at once or never; whatever it raises is a result."""
-
-    is_lossy = False
 
     def __init__(self, name: str, agent_type: type[Agent], put: EventSink) -> None:
         self._name = name
@@ -133,12 +129,6 @@ class ObjectTransport:
                 self._ask(agent, observation)
         except (Exception, SystemExit) as error:  # as above
             self._fail(f"the agent failed at tick {observation.tick}", error)
-
-    def repeat(self) -> None:
-        """Do nothing: no message gets lost; see `AgentTransport`."""
-
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: an object waits until it is asked; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send it to the agent; see `AgentTransport`."""
@@ -195,13 +185,11 @@ class WorkerThread:
             task()
 
 
-class ThreadedTransport:
+class ThreadedTransport(AgentTransport):
     """Transport that lets an agent object decide on a worker's thread, while time goes on; see `AgentTransport`.
 
     An agent that is slower than time sees every observation, but of the questions it is asked the last one alone.
     """
-
-    is_lossy = False
 
     def __init__(self, link: ObjectTransport, worker: WorkerThread) -> None:
         self._link = link
@@ -219,12 +207,6 @@ class ThreadedTransport:
             self._newest_question = observation.tick
         self._worker.do(lambda: self._look(codec.decode(Observation, payload), payload))
 
-    def repeat(self) -> None:
-        """Do nothing: no message gets lost; see `AgentTransport`."""
-
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: it says at most one thing to each observation; see `AgentTransport`."""
-
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end after its present work, and wait a moment for that; see `AgentTransport`."""
         self._is_over = True
@@ -239,10 +221,8 @@ class ThreadedTransport:
         self._link.observe(observation, payload)
 
 
-class SteppedTransport:
+class SteppedTransport(AgentTransport):
     """Transport to an agent that the caller of a stepped run commands; it keeps what the agent gets and is asked."""
-
-    is_lossy = False
 
     def __init__(self) -> None:
         self.briefing: Briefing | None = None
@@ -260,12 +240,6 @@ class SteppedTransport:
         self.seen = observation if isinstance(observation, Observation) else codec.decode(Observation, payload)
         if self.seen.awaiting_command:
             self.questions.append(self.seen)
-
-    def repeat(self) -> None:
-        """Do nothing: no message gets lost; see `AgentTransport`."""
-
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Ask no more; see `AgentTransport`."""
@@ -307,6 +281,11 @@ class AgentSession:
         """For how long the agent has owed an answer [s]; None where it owes none."""
         asked_at_s = self._asked_at_s
         return None if asked_at_s is None else time.monotonic() - asked_at_s
+
+    @property
+    def state(self) -> ParticipantState:
+        """State of the agent for a person to watch."""
+        return "joining" if self.is_awaited else "deciding" if self.is_pending else "waiting"
 
     @property
     def is_pending(self) -> bool:
@@ -426,12 +405,6 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
 def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
     """Return one moment of all agents."""
     return [
-        ParticipantStatus(name=name, state=_get_state(session), tick=session.last_tick, occupied_s=session.owed_s)
+        ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
         for name, session in sessions.items()
     ]
-
-
-def _get_state(session: AgentSession) -> ParticipantState:
-    if session.is_awaited:
-        return "joining"
-    return "deciding" if session.is_pending else "waiting"

@@ -53,15 +53,6 @@ def unpack_answer(payload: bytes) -> UnpackedAnswer:
         return error
 
 
-def build_plain_validator(agent: AgentSpec, scenario: Scenario) -> "CommandValidator":
-    """Return the validator of an agent of a scenario, without recorded commands."""
-    return CommandValidator(
-        agent.name,
-        may_overlap=agent.latency_ticks > 1,
-        belief_every_ticks=max(1, round(BELIEF_PERIOD_S * NS_PER_S / scenario.tick_ns)),
-    )
-
-
 AGENT_PREFIX = "agent_"
 
 
@@ -100,7 +91,7 @@ class CommandValidator:
     latest_tick: int = -1
     is_closed: bool = False
     _pending: dict[int, None] = field(default_factory=dict[int, None])
-    _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+    _early: list[bytes] = field(default_factory=list[bytes])
     _gone: str | None = None
     _refused_early: tuple[int, str] | None = None
     _checked_contract: str | None = None
@@ -122,7 +113,7 @@ class CommandValidator:
         if observation.awaiting_command and (refused := self._take_refused_early(observation.tick)):
             return refused
         early, self._early = self._early, []
-        return [command for tick, payload in early for command in self._judge_early(tick, payload)]
+        return [command for payload in early for command in self._place(payload)]
 
     def on_answer(self, payload: bytes) -> list[Command]:
         """Take what the agent sent; return the commands that can pass now."""
@@ -130,11 +121,7 @@ class CommandValidator:
             return []
         if len(payload) > MAX_COMMAND_BYTES:
             return self._refuse(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
-        said = unpack_answer(payload)
-        tick = _read_tick(said)
-        if tick is not None and tick > self.latest_tick:
-            return self._keep_early(tick, payload)
-        return self._judge(tick, said)
+        return self._place(payload)
 
     def on_refusal(self, text: str) -> list[Command]:
         """Take note that what the agent sent could not even be read; return the commands that can pass now."""
@@ -154,8 +141,13 @@ class CommandValidator:
         self.latest_tick = tick
         return True
 
-    def _judge_early(self, tick: int, payload: bytes) -> list[Command]:
-        return self._keep_early(tick, payload) if tick > self.latest_tick else self._judge(tick, unpack_answer(payload))
+    # By the tick alone, so that an answer is in its place before it is judged.
+    def _place(self, payload: bytes) -> list[Command]:
+        said = unpack_answer(payload)
+        tick = None if isinstance(said, ContractError) else said.get("tick")
+        if type(tick) is not int:
+            return self._judge(None, said)
+        return self._keep_early(tick, payload) if tick > self.latest_tick else self._judge(tick, said)
 
     def _judge(self, tick: int | None, said: UnpackedAnswer) -> list[Command]:
         if not self._pending:
@@ -231,7 +223,7 @@ class CommandValidator:
         if self._pending and not self.may_overlap:
             return self._refuse(f"Command: tick: expected {self._oldest()}, was {tick}.")
         if len(self._early) < MAX_EARLY_ANSWERS:
-            self._early.append((tick, payload))
+            self._early.append(payload)
         else:
             self._note(f"Command: tick: expected at most {self.latest_tick}, was {tick}.")
         return []
@@ -263,12 +255,6 @@ class CommandValidator:
         self.n_faults += 1
         if len(self.faults) < MAX_FAULTS:
             self.faults.append(AgentFault(agent=self.agent, tick=max(self.latest_tick, 0), text=text))
-
-
-# Only the tick, so that an answer can be put in its place before it is judged.
-def _read_tick(said: UnpackedAnswer) -> int | None:
-    tick = None if isinstance(said, ContractError) else said.get("tick")
-    return tick if type(tick) is int else None
 
 
 def _describe_unreadable(said: UnpackedAnswer) -> str:
@@ -411,32 +397,21 @@ class ReplayValidator(CommandValidator):
     def _as_it_was(self, commands: Iterable[Command]) -> list[Command]:
         passed: list[Command] = []
         for command in commands:
-            passed.append(self._past_command(command.tick) if command.tick < self.until_tick else command)
+            is_past = command.tick < self.until_tick
+            passed.append(get_recorded_command(self.past, self.agent, command.tick) if is_past else command)
             if passed[-1].kind == "failed":
                 self._close()
                 break
         return passed
 
-    def _past_command(self, tick: int) -> Command:
-        return get_recorded_command(self.past, self.agent, tick)
-
 
 def build_validator(agent: AgentSpec, scenario: Scenario, past: RecordedCommands | None) -> CommandValidator:
     """Return the validator of an agent of a scenario, with recorded commands where the run is a fork."""
-    validator = build_plain_validator(agent, scenario)
-    known, until_tick = dict[int, Command](), 0
-    if past is not None:
-        known, until_tick = dict(past.commands.get(agent.name, known)), past.until_tick
-    if agent.is_free:
-        return FreeRunningValidator(
-            validator.agent, belief_every_ticks=validator.belief_every_ticks, past=known, until_tick=until_tick
-        )
-    if past is None:
-        return validator
-    return ReplayValidator(
-        validator.agent,
-        may_overlap=validator.may_overlap,
-        belief_every_ticks=validator.belief_every_ticks,
-        past=known,
-        until_tick=until_tick,
-    )
+    may_overlap = agent.latency_ticks > 1
+    belief_every_ticks = max(1, round(BELIEF_PERIOD_S * NS_PER_S / scenario.tick_ns))
+    if past is None and not agent.is_free:
+        return CommandValidator(agent.name, may_overlap, belief_every_ticks)
+    known = dict(past.commands.get(agent.name, {})) if past is not None else {}
+    kind = FreeRunningValidator if agent.is_free else ReplayValidator
+    until_tick = past.until_tick if past is not None else 0
+    return kind(agent.name, may_overlap, belief_every_ticks, past=known, until_tick=until_tick)

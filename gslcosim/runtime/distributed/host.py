@@ -46,12 +46,8 @@ class ParticipantLink:
     """Link of one participant to the bus: what it writes goes out, and what it answers to others.
 
     Args:
-        bus: The connection of its process.
-        stepper: The participant.
-        dataflow: Of the whole run.
         neighbours: The participants of its process; what only they read does not travel.
         extra_ticks: For so many ticks more messages are kept for who has missed them.
-        summarize: Returns what `result.json` says of it.
     """
 
     def __init__(
@@ -135,16 +131,13 @@ class ParticipantLink:
         if bundled:
             self._bus.publish(self._bundle_key, protocol.pack_bundle(bundled))
         for sent in alone:
-            self._publish_alone(sent)
+            # To nobody where nobody listens: Zenoh sends nothing that has no reader.
+            encoding, is_question = codec.get_encoding(type(sent.message)), sent.message.is_question
+            self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
+            if is_question:
+                self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
         self._bundle.clear()
         self._bundled_from = self.gate.next_tick
-
-    # To nobody where nobody listens: Zenoh sends nothing that has no reader.
-    def _publish_alone(self, sent: SentMessage) -> None:
-        encoding, is_question = codec.get_encoding(type(sent.message)), sent.message.is_question
-        self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
-        if is_question:
-            self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
 
     def report_progress_if_due(self) -> None:
         """Report now and then which tick is finished: writers count on it, and the supervisor."""
@@ -225,10 +218,7 @@ class Host:
         """Prepare to host cores, each of a participant of its own.
 
         Args:
-            bus: The process's connection.
             cores: From upstream to downstream.
-            dataflow: Of the whole run.
-            episode: What is run.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
             policy: Of snapshots; absent: there are none.
         """
@@ -252,7 +242,7 @@ class Host:
         self._timing = self._links[0].stepper.timing
         self._handlers: dict[str, Callable[[bytes], object]] = {
             protocol.START_KEY: self._on_start,
-            protocol.STOP_KEY: self._on_stop,
+            protocol.STOP_KEY: lambda payload: self._loop.end_at(protocol.TickReport.from_bytes(payload).tick),
             protocol.CLOSE_KEY: self._on_close,
             _LINK_LOST: self._on_lost_link,
             _READER_REPORTED: self._on_reader_report,
@@ -291,7 +281,8 @@ class Host:
             self._bus.subscribe(protocol.build_outgoing_bundles_key(writer), self._events.put)
         for reader in sorted(self._outer_readers):
             self._listen(
-                protocol.build_progress_key(reader), lambda payload, name=reader: self._on_progress(name, payload)
+                protocol.build_progress_key(reader),
+                lambda payload, name=reader: self._loop.grant(name, protocol.TickReport.from_bytes(payload).tick),
             )
         for name in sorted(self._absent):
             self._bus.watch_alive(protocol.build_liveliness_key(name), partial(self._on_liveliness, name))
@@ -369,7 +360,10 @@ class Host:
 
     def _fly(self) -> None:
         while not self._are_finished:
-            self._drain()
+            started = time.perf_counter_ns()
+            while (event := self._events.get_nowait()) is not None:
+                self._handle(event)
+            self._timing.receiving_ns += time.perf_counter_ns() - started
             if not self._step():
                 self._flush()
                 self._wait_for_input()
@@ -398,12 +392,6 @@ class Host:
     def after_step(self, stepper: Stepper) -> None:
         """Report now and then how far the participant is; see `StepListener`."""
         self._link_of[stepper.spec.name].report_progress_if_due()
-
-    def _drain(self) -> None:
-        started = time.perf_counter_ns()
-        while (event := self._events.get_nowait()) is not None:
-            self._handle(event)
-        self._timing.receiving_ns += time.perf_counter_ns() - started
 
     def _flush(self) -> None:
         for link in self._links:
@@ -503,24 +491,15 @@ class Host:
             self._timing.n_resends += is_new
             self._was_resent = self._was_resent or is_new
         elif key.startswith(protocol.BUNDLE_PREFIX):
-            self._on_bundle(payload)
+            for port, message in protocol.unpack_bundle(payload):
+                if self._loop.reads(port):
+                    self._on_input(port, message)
         else:
             self._handlers[key](payload)
 
     def _on_input(self, port: str, payload: bytes) -> bool:
         message: Message = codec.decode_trusted(self._dataflow.message_types[port], payload)
         return self._loop.deliver(port, message)
-
-    def _on_bundle(self, payload: bytes) -> None:
-        for port, message in protocol.unpack_bundle(payload):
-            if self._loop.reads(port):
-                self._on_input(port, message)
-
-    def _on_progress(self, reader: str, payload: bytes) -> None:
-        self._loop.grant(reader, protocol.TickReport.from_bytes(payload).tick)
-
-    def _on_stop(self, payload: bytes) -> None:
-        self._loop.end_at(protocol.TickReport.from_bytes(payload).tick)
 
     def _on_lost_link(self, _: bytes) -> None:
         if self._has_said_goodbye:

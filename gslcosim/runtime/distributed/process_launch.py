@@ -39,8 +39,6 @@ class RunRouter:
 
     Args:
         run_dir: The run; its id is the namespace.
-        network: Where else the router listens.
-        socket_dir: A private folder for the socket.
         crews: The agents of each process that joins the bus, by the process's name.
         mesh: The processes of services on this host, which reach each other past the router.
     """
@@ -125,16 +123,7 @@ def run_distributed(
     groups: Sequence[ServiceGroup],
     fork_server: ForkServer | None = None,
 ) -> RunOutcome:
-    """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
-
-    Args:
-        setup: The run.
-        directory: The scenario's folder, where relative paths of agents start.
-        network: How processes reach the run's router.
-        report: Receives the status of the run.
-        groups: The services of each process.
-        fork_server: Forks the services, if there is one already.
-    """
+    """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards."""
     keep_memory_private()
     outcome = RunOutcome()
     began = time.perf_counter()
@@ -162,7 +151,9 @@ def run_distributed(
         if fork_server is None and starts_services and ForkServer.is_possible():
             fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(ChildProcesses(on_exit))
-        stack.enter_context(StopMonitor(lambda: _list_pids(children, fork_server), on_stopped))
+        # First, since nothing is known of its forks while it is stopped.
+        server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
+        stack.enter_context(StopMonitor(lambda: server | children.pids, on_stopped))
         here = [get_process_name(group) for group in groups if not network.is_remote(group[0])]
         router = RunRouter(setup.run_dir, network, socket_dir, crews, mesh=here)
         bus = stack.enter_context(router.open())
@@ -200,12 +191,6 @@ def run_distributed(
             offering.wait_until_gone(EXIT_TIMEOUT_S)
         supervisor.complete(outcome)
     return outcome
-
-
-def _list_pids(children: ChildProcesses, fork_server: ForkServer | None) -> dict[str, int]:
-    # First, since nothing is known of its forks while it is stopped.
-    server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
-    return server | children.pids
 
 
 @dataclass(frozen=True)
@@ -256,7 +241,7 @@ class _Launcher:
                 self.setup,
                 directory=self.directory,
                 private_dir=private_dir,
-                sockets=[self.router.socket],
+                address=f"unix:{self.router.socket}",
             )
             name = get_agent_participant(process)
             self.children.start(

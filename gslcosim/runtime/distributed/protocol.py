@@ -12,7 +12,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.contract import keys
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.agents.session import AgentEvent
-from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantName, ParticipantStatus, PortName, Tick
 
 START_KEY = "ctl/start"
 STOP_KEY = "ctl/stop"
@@ -26,13 +26,7 @@ LARGE_BYTES = 4096
 
 # These messages cross hosts: no number, name or text of another host is taken as it comes.
 MAX_MESSAGE_BYTES = 1 << 30
-MAX_TICK = 1 << 53
 MAX_TEXT = 1 << 20
-Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
-ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
-PortName = Annotated[
-    str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}(/[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}){0,9}$")
-]
 ShortText = Annotated[str, StringConstraints(max_length=300)]
 Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
 Amount = Annotated[int, Field(ge=0, le=1 << 62)]
@@ -40,24 +34,17 @@ _MAX_ITEMS = 100_000
 _Base64 = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?$")]
 
 
-def build_liveliness_key(name: str) -> str:
-    """Return the key of a participant's liveliness token."""
-    return f"alive/{name}"
-
-
-def build_agent_liveliness_key(agent: str) -> str:
-    """Return the key of the liveliness token of an agent on the bus, which the contract names."""
-    return f"agents/{agent}/alive"
-
-
-def build_progress_key(name: str) -> str:
-    """Return the key on which a participant reports which tick it has finished."""
-    return f"ctl/progress/{name}"
-
-
-def build_final_report_key(name: str) -> str:
-    """Return the key on which a participant hands over its digests when it is done."""
-    return f"ctl/bye/{name}"
+# Keys by the name of a participant, or of an agent on the bus, which the contract names.
+build_liveliness_key = "alive/{}".format
+build_agent_liveliness_key = "agents/{}/alive".format
+# Which tick it has finished, and in the end its digests.
+build_progress_key = "ctl/progress/{}".format
+build_final_report_key = "ctl/bye/{}".format
+# Questions to it: a message that it has sent before, what it is, which tick it has finished, and how it goes.
+build_resend_key = "rpc/{}/resend".format
+build_description_key = "rpc/{}/describe".format
+build_finished_key = "rpc/{}/finished".format
+build_inspection_key = "rpc/{}/inspect".format
 
 
 def build_bundle_key(writer: str, readers: Iterable[str]) -> str:
@@ -105,26 +92,6 @@ def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
         return [(str(port), bytes(message)) for port, message in messages]
     except (ValueError, TypeError, msgpack.UnpackException) as error:
         raise ContractError(f"bundle: expected a list of (port, payload), was {payload[:32]!r}.") from error
-
-
-def build_resend_key(name: str) -> str:
-    """Return the key on which a participant answers with a message it has sent before."""
-    return f"rpc/{name}/resend"
-
-
-def build_description_key(name: str) -> str:
-    """Return the key on which a participant says what it is."""
-    return f"rpc/{name}/describe"
-
-
-def build_finished_key(name: str) -> str:
-    """Return the key on which a participant says which tick it has finished, for who has missed that."""
-    return f"rpc/{name}/finished"
-
-
-def build_inspection_key(name: str) -> str:
-    """Return the key on which a participant says how it goes."""
-    return f"rpc/{name}/inspect"
 
 
 class ControlMessage(BaseModel):
@@ -207,22 +174,13 @@ class ParticipantDescription(ControlMessage):
         )
 
 
-class MissingMessageFields(ControlMessage):
-    """See `MissingMessage`."""
-
-    port: PortName
-    tick: Tick
-    writer: ParticipantName
-    last_tick: Tick
-
-
 class ParticipantInspection(ControlMessage):
     """One moment of a service, as it sees itself; see `ParticipantStatus`, whose fields these are."""
 
     name: ParticipantName
     state: Literal["working", "waiting", "done"]
     tick: Tick
-    missing: tuple[MissingMessageFields, ...] = Field(max_length=_MAX_ITEMS)
+    missing: tuple[MissingMessage, ...] = Field(max_length=_MAX_ITEMS)
     lacking_credit: tuple[ParticipantName, ...] = Field(max_length=_MAX_ITEMS)
     occupied_s: float | None = Field(ge=0, allow_inf_nan=False)
     queued_ticks: Amount
@@ -233,9 +191,7 @@ class ParticipantInspection(ControlMessage):
 
     def as_status(self) -> ParticipantStatus:
         """Return what it says of the participant."""
-        fields = dict(self)
-        fields["missing"] = tuple(MissingMessage(**dict(each)) for each in self.missing)
-        return ParticipantStatus(**fields)
+        return ParticipantStatus(**dict(self))
 
 
 class HashChainFields(TypedDict):

@@ -26,11 +26,7 @@ if TYPE_CHECKING:
 
 
 def main(words: Sequence[str]) -> None:
-    """Serve the services that the command line names, in this one process, or fork servers of them.
-
-    Args:
-        words: The command line after the program: at least one name, or `--fork-server` and a file descriptor.
-    """
+    """Serve the services that the command line names, in this one process, or fork servers of them."""
     if words[:1] == ["--fork-server"]:
         serve_forks(int(words[1]), build_fork_work())
         return
@@ -86,7 +82,6 @@ def serve(names: Sequence[str], join: JoinData | None = None) -> None:
     """Build the cores of services, take part in a run, and return when they are dismissed.
 
     Args:
-        names: The services.
         join: How they join the run; absent: as `GSLCOSIM_JOIN` says.
 
     Exits with code 3 after a fault; the log says why.

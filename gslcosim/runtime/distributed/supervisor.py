@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from itertools import takewhile
 
 from gslcosim.base.errors import ExitCode
@@ -46,13 +45,7 @@ LATE_AFTER_S = 4.0
 
 
 class StatusReporter:
-    """Reporter of a run's status: not too often, but each state at once.
-
-    Args:
-        report: Receives the status.
-        tick_ns: How long a tick is.
-        participants: Looks at the participants, for the receiver of the status.
-    """
+    """Reporter of a run's status: not too often, but each state at once."""
 
     def __init__(
         self,
@@ -202,7 +195,9 @@ class Supervisor:
                 self._repeat_signals()
                 self._handle_next()
                 self._check_time()
-                self._report_run()
+                wall_s = time.perf_counter() - self._started_at_s
+                state = "flying" if self._verdict is None else "closing"
+                self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)
         except RunEndedError:
             # Where what comes before a fault can not be finished, that is still the cause.
             self._raise_fault()
@@ -349,13 +344,12 @@ class Supervisor:
             handlers[keys.briefing(name)] = host.brief
             handlers[keys.observation(name)] = host.observe
         for name in self._services:
-            handlers[protocol.build_progress_key(name)] = partial(self._on_progress, name)
+            handlers[protocol.build_progress_key(name)] = lambda payload, name=name: self._watchdog.record_progress(
+                name, protocol.TickReport.from_bytes(payload), time.monotonic()
+            )
             handlers[protocol.build_final_report_key(name)] = self._on_final_report
             handlers[protocol.build_description_key(name)] = self._on_description
         return handlers
-
-    def _on_progress(self, name: str, payload: bytes) -> None:
-        self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
 
     def _on_fault(self, payload: bytes) -> None:
         report = protocol.FaultReport.from_bytes(payload)
@@ -485,8 +479,3 @@ class Supervisor:
         fault = self._watchdog.check(now_s, is_judged=is_judged, look=self._look_twice, overdue=overdue)
         if fault is not None:
             raise RunEndedError(fault)
-
-    def _report_run(self) -> None:
-        wall_s = time.perf_counter() - self._started_at_s if self._started_at_s is not None else 0.0
-        state = "flying" if self._verdict is None else "closing"
-        self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)

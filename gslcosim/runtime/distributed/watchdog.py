@@ -44,8 +44,6 @@ class Watchdog:
         """Let a process that has ended be started again, and return whether it is; one that is done is not missed.
 
         Args:
-            process: Its name.
-            now_s: The time.
             begin: Receives the last tick that all its services have finished, and starts it where that is wanted.
         """
         services = [name for name, its in self._process_of.items() if its == process]
@@ -122,9 +120,7 @@ class Watchdog:
         """Return who is at fault where contact is lost or nothing moves any more.
 
         Args:
-            now_s: The time.
             is_judged: Whether the verdict is there, so that services only have to finish.
-            look: Looks at the participants, where nothing moves any more.
             overdue: What services that are done have written, and what has not come.
         """
         if (fault := self.find_lost(now_s)) is not None:
@@ -171,11 +167,6 @@ class RestartPolicy:
     A process is started again as long as the run has come further since it last died, and otherwise `restart.tries`
     times: what dies at the same tick again and again is a fault. One that only reads, such as the recorder, is not:
     what it has seen is nowhere else.
-
-    Args:
-        scenario: Says whether services are started again.
-        groups: The services of each process.
-        start: Starts the process of a group, and gets how it ended.
     """
 
     scenario: Scenario
@@ -205,8 +196,6 @@ class RestartPolicy:
         """Start a process that has ended again, or return false where that is of no use, or not wanted.
 
         Args:
-            process: Its name.
-            how: How it ended.
             tick: The last tick that its services are known to have finished.
         """
         spec = self.scenario.restart

@@ -16,7 +16,7 @@ from gslcosim.base.files import ScratchFolder, append_bytes
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.bus.interface import GATEWAY_VARIABLE
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
@@ -47,19 +47,14 @@ from gslcosim.runtime.external.protocol import (
     read_hello,
     read_outputs,
 )
-from gslcosim.runtime.processes.child_processes import ChildProcesses
+from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 
 
 def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Path) -> dict[str, dict[str, str]]:
-    """Return for each participant the words of its command that are files, with the SHA-256 of what is in them.
-
-    Args:
-        participants: Those of a scenario.
-        directory: Where their relative paths start.
-    """
+    """Return for each participant the words of its command that are files, with the SHA-256 of what is in them."""
     return {
         each.name: {
             word: hashlib.sha256(path.read_bytes()).hexdigest()
@@ -99,10 +94,7 @@ class ParticipantProgram:
     Whatever it does wrong becomes a `SimulationFault` that says what was expected, with the end of its log.
 
     Args:
-        own: The participant in the scenario.
-        setup: The run.
         arguments: Words that follow its command.
-        keep: Descriptors that it inherits.
         describe_place: Returns where in the program it is, as words that follow what was expected, for its faults.
     """
 
@@ -135,34 +127,27 @@ class ParticipantProgram:
         own = self._own
         command = [*resolve_command(own.start.words, self._directory), *self._arguments]
         listener = self._listener(private_dir)
-        kind, _, place = listener.address.partition(":") if listener else ("", "", "")
+        address = "" if listener is None else listener.address
         confinement = build_confinement(
-            own,
-            command,
-            self._setup,
-            directory=self._directory,
-            private_dir=private_dir,
-            sockets=[Path(place)] if kind == "unix" else (),
-            tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
+            own, command, self._setup, directory=self._directory, private_dir=private_dir, address=address
         )
-        name, log, cwd = self._process, self._setup.run_dir.log(self._process), self._directory
         variables = {PARTICIPANT_VARIABLE: own.name}
         start = own.start.registered
         if start is not None and start.unpacks_files and confinement.policy is None:
             # What it has unpacked and leaves there when it is killed goes with the folder.
             variables["TMPDIR"] = str(private_dir)
+        options = ProcessOptions(variables=variables, cwd=self._directory, confinement=confinement, keep=self._keep)
+        log = self._setup.run_dir.log(self._process)
         if listener is None:
-            pipes = self._children.start_piped(
-                name, command, variables=variables, log=log, cwd=cwd, confinement=confinement, keep=self._keep
-            )
-            self._exchange = BlockingConnection(PipeStream(*pipes), own.start.format)
-            return
-        connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
-        refused: list[str] = []
-        listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
-        variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        self._children.start(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
-        self._exchange = BlockingConnection(self._awaited(connected, refused), own.start.format)
+            stream: Stream = PipeStream(*self._children.start_piped(self._process, command, log=log, **options))
+        else:
+            connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
+            refused: list[str] = []
+            listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
+            options["variables"] = variables | listener.variables
+            self._children.start(self._process, command, log=log, **options)
+            stream = self._awaited(connected, refused)
+        self._exchange = BlockingConnection(stream, own.start.format)
 
     def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type."""
@@ -170,13 +155,7 @@ class ParticipantProgram:
             self._opened.send(name, payload, within_s=self._own.answer_within_s)
 
     def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
-        """Return what the program says next, as msgpack.
-
-        Args:
-            message_type: What it is meant to be.
-            what: What is expected, for the fault.
-            within_s: How long to wait for it [s].
-        """
+        """Return what the program says next, as msgpack."""
         with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
 
@@ -274,10 +253,6 @@ class ProgramCore(ABC):
 
     Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
     through them. They are kept only where a run has snapshots.
-
-    Args:
-        own: The participant in the scenario.
-        setup: The run.
     """
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:
@@ -354,13 +329,7 @@ class ProgramCore(ABC):
 
 
 class ExternalCore(ProgramCore):
-    """Stands for a program that speaks the gateway's frames.
-
-    Args:
-        own: The participant in the scenario.
-        setup: The run.
-        message_types: The name of the message on each port that it reads or writes.
-    """
+    """Stands for a program that speaks the gateway's frames."""
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, message_types: Mapping[str, str]) -> None:
         super().__init__(own, setup)

@@ -58,7 +58,6 @@ def find_declaration_problems(
     """Return what is wrong with the participants of a scenario in the run that it makes.
 
     Args:
-        scenario: The scenario.
         services: The names of all services that there are, whether the run has them or not.
         specs: All participants of the run, sessions of agents and these among them.
     """
@@ -129,13 +128,7 @@ def read_hello(payload: bytes) -> ParticipantHello:
 
 
 def check_hello(hello: ParticipantHello, *, reads: Iterable[str], writes: Iterable[str]) -> None:
-    """Check that a program was made for the ports that its scenario declares.
-
-    Args:
-        hello: What it says.
-        reads: The ports that it gets.
-        writes: The words of its outputs.
-    """
+    """Check that a program was made for the ports that its scenario declares."""
     for key, answered, declared in (("reads", hello.reads, tuple(reads)), ("writes", hello.writes, tuple(writes))):
         if {*answered} != {*declared}:
             raise ContractError(
@@ -145,13 +138,7 @@ def check_hello(hello: ParticipantHello, *, reads: Iterable[str], writes: Iterab
 
 
 def read_outputs(payload: bytes, tick: int, words: Iterable[str]) -> Mapping[str, Message]:
-    """Return the messages in a program's answer by the words of its outputs.
-
-    Args:
-        payload: What it said.
-        tick: The tick of the inputs that it answers.
-        words: What it declares to write.
-    """
+    """Return the messages in a program's answer by the words of its outputs."""
     answer = codec.decode_untrusted(ParticipantOutputs, payload, max_bytes=MAX_FRAME_BYTES)
     if answer.tick != tick:
         raise ContractError(f"ParticipantOutputs: tick: expected {tick}, that of the inputs, was {answer.tick}.")
@@ -170,13 +157,7 @@ def is_valid_name(word: str) -> bool:
 
 
 def build_output(word: str, tick: int, fields: Mapping[str, Any]) -> Message:
-    """Return the message of an output of a participant.
-
-    Args:
-        word: Of its `writes`.
-        tick: The tick.
-        fields: What it has there.
-    """
+    """Return the message of an output of a participant."""
     room = find_room_output(word)
     if room is not None:
         try:

@@ -9,8 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from io import FileIO
 from pathlib import Path
-from types import MappingProxyType
-from typing import cast
+from typing import TypedDict, Unpack, cast
 
 from gslcosim.base.processes import describe_exit
 from gslcosim.base.spawn import Streams, build_short_environment, check_program, signal_group, spawn
@@ -27,6 +26,20 @@ LOG_TIMEOUT_S = 0.5
 
 # It leads its own process group, so that its descendants end with it.
 ChildProcess = subprocess.Popen[bytes] | ForkedProcess
+
+
+class ProcessOptions(TypedDict, total=False):
+    """Options of a process that is started: what is absent is as in this process, or not there.
+
+    `cwd` is the folder it starts in, `join` how it joins the bus, `variables` what is added to its environment,
+    `confinement` how it is kept if it is a program of other people, `keep` are descriptors that it inherits besides.
+    """
+
+    cwd: Path | None
+    join: JoinData | None
+    variables: Mapping[str, str]
+    confinement: Confinement | None
+    keep: Sequence[int]
 
 
 class ChildProcesses:
@@ -50,80 +63,38 @@ class ChildProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(
-        self,
-        name: str,
-        command: Sequence[str],
-        *,
-        log: Path | None,
-        cwd: Path | None = None,
-        join: JoinData | None = None,
-        variables: Mapping[str, str] = MappingProxyType({}),
-        confinement: Confinement | None = None,
-    ) -> None:
+    def start(self, name: str, command: Sequence[str], *, log: Path | None, **options: Unpack[ProcessOptions]) -> None:
         """Start a process; its output goes to a log file, and its end is reported at once.
 
-        Args:
-            name: Of the process.
-            command: Its program and arguments.
-            log: Absent: it has the standard streams of this process.
-            cwd: The folder it starts in; absent: that of this process.
-            join: How it joins the bus, if it does.
-            variables: What is added to its environment.
-            confinement: How it is kept, if it is a program of other people.
+        Without a log it has the standard streams of this process.
         """
         if log is None:
-            self._start(name, command, variables, cwd, Streams(None, None, None), confinement, join)
+            self._start(name, command, Streams(None, None, None), **options)
             return
         with self._log(log) as output:
-            self._start(name, command, variables, cwd, Streams(stdout=output.fileno()), confinement, join)
+            self._start(name, command, Streams(stdout=output.fileno()), **options)
 
     def start_piped(
-        self,
-        name: str,
-        command: Sequence[str],
-        *,
-        variables: Mapping[str, str],
-        log: Path,
-        cwd: Path,
-        confinement: Confinement | None = None,
-        keep: Sequence[int] = (),
+        self, name: str, command: Sequence[str], *, log: Path, **options: Unpack[ProcessOptions]
     ) -> tuple[FileIO, FileIO]:
-        """Start a process as `start`, but return its standard input and output; only its errors are logged.
-
-        Args:
-            name: See `start`.
-            command: See `start`.
-            variables: See `start`.
-            log: See `start`.
-            cwd: See `start`.
-            confinement: See `start`.
-            keep: Descriptors that it inherits besides.
-        """
+        """Start a process as `start`, but return its standard input and output; only its errors are logged."""
         with self._log(log) as errors:
-            streams = Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno())
-            process = self._start(name, command, variables, cwd, streams, confinement, keep=keep)
+            process = self._start(name, command, Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno()), **options)
         # Without buffers these are raw files.
         return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
 
     def _start(
-        self,
-        name: str,
-        command: Sequence[str],
-        variables: Mapping[str, str],
-        cwd: Path | None,
-        streams: Streams,
-        confinement: Confinement | None,
-        join: JoinData | None = None,
-        keep: Sequence[int] = (),
+        self, name: str, command: Sequence[str], streams: Streams, **options: Unpack[ProcessOptions]
     ) -> "subprocess.Popen[bytes]":
+        cwd, confinement = options.get("cwd"), options.get("confinement")
         check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
         around = build_short_environment(command) if self._are_foreign else os.environ
         around = around if confinement is None else confinement.environment
         environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
-        joining, inherited = ({}, keep) if join is None else join.hand_over()
-        environment |= {**joining, **variables}
+        join = options.get("join")
+        joining, inherited = ({}, options.get("keep", ())) if join is None else join.hand_over()
+        environment |= {**joining, **options.get("variables", {})}
         launch = None
         if confinement is not None and is_launcher_possible():
             launch = Launch(

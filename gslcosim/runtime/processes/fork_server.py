@@ -47,11 +47,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class JsonLines:
-    """Objects over a socket, one JSON a line.
-
-    Args:
-        connection: The socket; it stays its owner's.
-    """
+    """Objects over a socket, one JSON a line."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
@@ -80,7 +76,6 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
     Args:
         main: What the fork does. It never returns from here: it ends with 0 when that returns, as `SystemExit` says, or
             with 1 after an error, which it prints.
-        unwanted: Descriptors that are none of the fork's business.
     """
     parent = os.getpid()
     if pid := os.fork():
@@ -111,11 +106,7 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
 
 
 class ForkMonitor:
-    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks.
-
-    Args:
-        source: The socket.
-    """
+    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks."""
 
     def __init__(self, source: socket.socket) -> None:
         self._source = source
@@ -220,13 +211,7 @@ class ForkServer:
         return self._is_gone and not self._is_closing
 
     def fork(self, name: str, request: Mapping[str, Any], *, log: Path) -> ForkedProcess:
-        """Ask for a process.
-
-        Args:
-            name: Of the process.
-            request: What it shall do, as JSON knows it.
-            log: Where its output goes.
-        """
+        """Ask for a process."""
         process = ForkedProcess(name)
         with self._lock:
             self._was_asked = True
@@ -308,12 +293,7 @@ class ForkWork:
 
 
 def serve_forks(fd: int, work: ForkWork) -> None:
-    """Serve requests from a socket until its other end is closed.
-
-    Args:
-        fd: The socket's file descriptor.
-        work: What forks do.
-    """
+    """Serve requests from a socket until its other end is closed."""
     keep_memory_private()
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()
@@ -331,15 +311,12 @@ def _open_log(log: Path) -> int:
         return os.open(os.devnull, os.O_RDWR)
 
 
-def _redirect_streams(source: int, output: int) -> None:
+def _become(work: ForkWork, order: dict[str, Any]) -> None:
+    source, output = os.open(os.devnull, os.O_RDWR), _open_log(Path(order["log"]))
     for fd, target in ((source, 0), (output, 1), (output, 2)):
         os.dup2(fd, target)
     os.close(source)
     os.close(output)
-
-
-def _become(work: ForkWork, order: dict[str, Any]) -> None:
-    _redirect_streams(os.open(os.devnull, os.O_RDWR), _open_log(Path(order["log"])))
     gc.enable()
     work.become(order["request"])
 

@@ -21,7 +21,6 @@ class ProcessLog:
 
     Args:
         path: The file; what is there stays.
-        most_bytes: How much of the output is kept.
     """
 
     def __init__(self, path: Path, *, most_bytes: int = MAX_LOG_BYTES) -> None:

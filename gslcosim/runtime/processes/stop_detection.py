@@ -85,7 +85,6 @@ class StopMonitor:
 
     Args:
         pids: Returns the processes by name; 0 stands for one that has not begun.
-        on_stopped: Receives a name, on the watch's thread.
     """
 
     def __init__(self, pids: Callable[[], Mapping[str, int]], on_stopped: Callable[[str], object]) -> None:

@@ -70,8 +70,6 @@ def find_repeated_divergence(
     """Return where a run first differs from the one that it repeats; None where it does not.
 
     Args:
-        before: Of the run that is repeated.
-        now: Of the one that repeats it.
         last_tick: How far it repeats the other: what that one did afterwards does not count.
         scenarios: Of the one that is repeated, and of the other: what they record may differ.
         other: Ports that may differ besides.
@@ -115,7 +113,9 @@ class RunComparison:
         if kinship is None or divergence is None:
             return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, changed_agents=())
         briefings = {port for digest in digests for port in digest.trails if _find_briefed_agent(port)}
-        agents = tuple(sorted(_find_briefed_agent(port) for port in briefings if not _are_equal(port, *digests)))
+        links = [{port: trail.links for port, trail in digest.trails.items()} for digest in digests]
+        changed = (port for port in briefings if links[0].get(port) != links[1].get(port))
+        agents = tuple(sorted(map(_find_briefed_agent, changed)))
         # A fork that had no events and has some now is the same until one of them happens.
         other = briefings | ({EVENTS} if len([1 for digest in digests if EVENTS in digest.trails]) == 1 else set[str]())
         later = find_first_divergence(*(digest.without(other) for digest in digests))
@@ -146,7 +146,3 @@ def _read_origin(folder: Path) -> ForkOrigin | None:
 def _find_briefed_agent(port: str) -> str:
     before, after = _BRIEFING_KEY_PARTS
     return port[len(before) : -len(after)] if port.startswith(before) and port.endswith(after) else ""
-
-
-def _are_equal(port: str, a: RunDigest, b: RunDigest) -> bool:
-    return port in a.trails and port in b.trails and a.trails[port].links == b.trails[port].links

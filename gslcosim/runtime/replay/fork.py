@@ -78,7 +78,6 @@ def prepare_fork(
     """Return what a fork flies, checked.
 
     Args:
-        past: The run.
         at_s: From when on agents' own answers count [s of simulated time].
         overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
         checks: Further rules of scenarios; see `load_scenario`.
@@ -117,11 +116,8 @@ def run_fork(
     """Run a fork and compare its past with that of the run, to the bit.
 
     Args:
-        fork: What is run.
-        runs_dir: Where the new run's folder is made.
         processes: How the run is spread over processes; absent: as the scenario says.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Receives the status of the run.
     """
     past = fork.past
     repetition = PriorRun(

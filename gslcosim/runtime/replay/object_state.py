@@ -233,37 +233,24 @@ class BaselineEntry:
 
 
 class Baseline:
-    """Baseline of an object: all that it held when built, by path such as `._crafts[0]._guide` and by identity."""
+    """Baseline of an object: all that it held when built, by path such as `._crafts[0]._guide` and by identity.
+
+    Things of the types in `fixed` never change.
+    """
 
     def __init__(self, root: object, *, fixed: tuple[type, ...], packages: frozenset[str]) -> None:
-        self._fixed = fixed
-        self._by_path: dict[str, BaselineEntry] = {}
-        self._by_id: dict[int, BaselineEntry] = {}
+        self.fixed = fixed
+        self.by_path: dict[str, BaselineEntry] = {}
+        self.by_id: dict[int, BaselineEntry] = {}
         waiting: list[tuple[str, Any]] = [("", root)]
         while waiting:
             path, value = waiting.pop()
-            if is_plain(value) or id(value) in self._by_id:
+            if is_plain(value) or id(value) in self.by_id:
                 continue
             is_fixed = isinstance(value, fixed)
             self._add(path, value, packages, is_fixed=is_fixed)
             if not is_fixed:
                 waiting += [(path + label, part) for label, part in iter_parts(value, packages)]
-
-    def of(self, value: object) -> BaselineEntry | None:
-        """Return what is known of a thing, if it was there."""
-        return self._by_id.get(id(value))
-
-    def at(self, path: str) -> BaselineEntry | None:
-        """Return what was at a place."""
-        return self._by_path.get(path)
-
-    def is_fixed(self, value: object) -> bool:
-        """Return whether a thing is of a type that never changes."""
-        return isinstance(value, self._fixed)
-
-    def found(self) -> list[BaselineEntry]:
-        """Return all that was there."""
-        return list(self._by_path.values())
 
     def _add(self, path: str, value: Any, packages: frozenset[str], *, is_fixed: bool) -> None:
         attributes = mark = None
@@ -272,7 +259,7 @@ class Baseline:
                 mark = hash_array(value)
         elif not is_fixed and find_external_adapter(value) is None and is_walkable(value, packages):
             attributes = get_attributes(value)
-        self._by_id[id(value)] = self._by_path[path] = BaselineEntry(
+        self.by_id[id(value)] = self.by_path[path] = BaselineEntry(
             path=path, value=value, attributes=attributes, fingerprint=mark
         )
 
@@ -316,7 +303,7 @@ class StateReader:
             self._path.pop()
 
     def _reference_to_thing(self, value: Any) -> Any:
-        found = self._known.of(value)
+        found = self._known.by_id.get(id(value))
         if found is not None and self._is_unchanging(value):
             return ["k", found.path]
         if isinstance(value, MethodType):
@@ -336,17 +323,17 @@ class StateReader:
 
     # One that was made again in the same place, of settings alone, does the same.
     def _known_function(self, value: FunctionType) -> str | None:
-        found = self._known.at("".join(self._path))
+        found = self._known.by_path.get("".join(self._path))
         if found is None or getattr(found.value, "__code__", None) is not value.__code__:
             return None
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        are_settings = all(is_plain(held) or self._known.is_fixed(held) or _is_frozen(held) for held in cells)
+        are_settings = all(is_plain(held) or isinstance(held, self._known.fixed) or _is_frozen(held) for held in cells)
         return found.path if are_settings else None
 
     def _is_unchanging(self, value: Any) -> bool:
         if isinstance(value, np.ndarray):
             return not value.flags.writeable
-        if self._known.is_fixed(value):
+        if isinstance(value, self._known.fixed):
             return True
         if find_external_adapter(value) is not None or is_walkable(value, self._packages):
             return False
@@ -471,7 +458,7 @@ class StateWriter:
     def write(self, nodes: Sequence[Node]) -> None:
         """Bring the known object to the state of these nodes."""
         self._nodes = nodes
-        for found in self._known.found():
+        for found in self._known.by_path.values():
             if found.attributes is not None:
                 set_attributes(found.value, found.attributes)
         for index in range(len(nodes)):
@@ -510,7 +497,7 @@ class StateWriter:
         return MethodType(found, owner)
 
     def _at(self, path: str) -> BaselineEntry:
-        found = self._known.at(path)
+        found = self._known.by_path.get(path)
         if found is None:
             raise SnapshotError(f"{path or 'the core'}: expected it as in the run, found none.")
         return found
@@ -596,7 +583,11 @@ class StateWriter:
                 type_ = find_type(node["t"], "b", self._packages)
                 return type_.__new__(type_, *(self._value(item) for item in node["v"]))
             case "x":
-                return self._foreign(node, found)
+                foreign = find_external_adapter(found.value) if found is not None else None
+                if found is None or foreign is None:
+                    raise _build_kind_error(found, "something of another library")
+                foreign.restore(found.value, self._value(node["v"]))
+                return found.value
             case other:
                 raise SnapshotError(f"expected a node, was one of kind {other!r}.")
 
@@ -612,14 +603,17 @@ class StateWriter:
             base = self._value(node["b"])
             if not isinstance(base, np.ndarray):
                 raise SnapshotError(f"expected a view of an array, was one of a {type(base).__qualname__}.")
-            value = np.ndarray(shape, dtype, buffer=_get_buffer(base), offset=node["o"], strides=tuple(node["t"]))
+            # A view of all of it, whatever its order.
+            buffer = base if base.flags.c_contiguous else base.T
+            value = np.ndarray(shape, dtype, buffer=buffer, offset=node["o"], strides=tuple(node["t"]))
         else:
             value = np.frombuffer(node["v"], dtype).reshape(shape, order="F" if node["f"] else "C")
             if found is not None and not isinstance(found.value, np.ndarray):
                 raise _build_kind_error(found, "an array")
-            if found is not None and _fits(found.value, value):
-                np.copyto(found.value, value)
-                return found.value
+            known: Any = None if found is None else found.value
+            if found is not None and (known.shape, known.dtype) == (shape, dtype) and known.flags.writeable:
+                np.copyto(known, value)
+                return known
             value = value.copy("F" if node["f"] else "C")
         if node.get("r"):
             value.flags.writeable = False
@@ -643,13 +637,6 @@ class StateWriter:
         numbers.frombytes(node["v"])
         return numbers
 
-    def _foreign(self, node: Node, found: BaselineEntry | None) -> Any:
-        foreign = find_external_adapter(found.value) if found is not None else None
-        if found is None or foreign is None:
-            raise _build_kind_error(found, "something of another library")
-        foreign.restore(found.value, self._value(node["v"]))
-        return found.value
-
 
 def _build_kind_error(found: BaselineEntry | None, wanted: str) -> SnapshotError:
     what = "nothing that is known" if found is None else f"a {type(found.value).__qualname__}"
@@ -662,15 +649,6 @@ def _read_dtype(descr: Any) -> "np.dtype[Any]":
     if dtype.hasobject:
         raise SnapshotError(f"expected an array of numbers or texts, was one of {dtype}.")
     return dtype
-
-
-def _fits(known: Any, value: "np.ndarray[Any, Any]") -> bool:
-    return known.shape == value.shape and known.dtype == value.dtype and known.flags.writeable
-
-
-# A view of all of it, whatever its order.
-def _get_buffer(base: "np.ndarray[Any, Any]") -> Any:
-    return base if base.flags.c_contiguous else base.T
 
 
 # As msgpack has lists only.
@@ -700,7 +678,6 @@ class ObjectState:
     by the same code, from settings that may differ where no state depends on them, takes it with `bring_back`.
 
     Args:
-        root: The object.
         fixed: Types of things that never change, which are not looked into.
         packages: From which packages objects are walked through, beside that of the root.
     """

@@ -16,8 +16,8 @@ from gslcosim.contract.messages import Briefing, Command, Ending
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentLost,
+    AgentTransport,
     CommandReceived,
-    CommandRefused,
     EventSink,
     ObservationOrHead,
     build_session,
@@ -58,10 +58,8 @@ class ReplayResult:
         return ExitCode.SUCCESS if self.flight.exit_code in ended_well else self.flight.exit_code
 
 
-class RecordedTransport:
+class RecordedTransport(AgentTransport):
     """Transport that answers for an agent with recorded commands, or without them never; see `AgentTransport`."""
-
-    is_lossy = False
 
     def __init__(self, agent: str, commands: Mapping[int, Command] | None, put: EventSink) -> None:
         self._agent = agent
@@ -85,12 +83,6 @@ class RecordedTransport:
         else:
             self._put(CommandReceived(agent=self._agent, payload=codec.encode(command), decided_in_s=0.0))
 
-    def repeat(self) -> None:
-        """Do nothing: no message gets lost."""
-
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: it waits until it is asked."""
-
     def end(self, ending: Ending, payload: bytes) -> None:
         """Do nothing: nobody is there."""
 
@@ -110,13 +102,10 @@ def replay_run(
     A run that came to no verdict is run as far as all its services had come.
 
     Args:
-        past: The run.
-        runs_dir: Where the new run's folder is made.
         recording: Keys of the scenario's `recording` that are others now, such as `from_s`.
         until_s: Where to end [s of simulated time]; absent: where the run ended.
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
-        report: Receives the status of the run.
     """
     past.check_flown_here()
     began = time.perf_counter()

@@ -27,6 +27,7 @@ from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import Environment
+from gslcosim.gateway.frame_codec import prefix_length
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.replay.object_state import ObjectState
 from gslcosim.runtime.run_dir import RunDir, get_package_version, read_cpu_flags
@@ -127,8 +128,6 @@ class SnapshotPart:
         """Return what a file holds.
 
         Args:
-            data: Its content.
-            path: The file.
             is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
         """
         try:
@@ -191,12 +190,12 @@ class ObservationLog:
         """Write what waits."""
         if not self._waiting:
             return
-        piece = zlib.compress(b"".join(_prefix_length(payload) for payload in self._waiting), 1)
+        piece = zlib.compress(b"".join(prefix_length(payload) for payload in self._waiting), 1)
         self._waiting.clear()
         self._n_bytes = 0
         try:
             self._run_dir.make_folders(self._name)
-            append_bytes(self._run_dir.path, self._name, _prefix_length(piece))
+            append_bytes(self._run_dir.path, self._name, prefix_length(piece))
         except OSError as error:
             raise RunFolderError(str(build_machine_error(error, self._name, "a file that can be written"))) from error
 
@@ -217,10 +216,6 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
     except (OSError, zlib.error) as error:
         raise SnapshotError(f"without what {agent} was told ({error})") from error
     raise SnapshotError(f"without all that {agent} was told")
-
-
-def _prefix_length(data: bytes) -> bytes:
-    return len(data).to_bytes(4, "big") + data
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,10 +277,7 @@ def find_nearest_snapshot(
     """Return the last snapshot at or before a tick that can be used, or why there is none, as a sentence.
 
     Args:
-        run_dir: The run's folder.
         scenario: The run's; what its agents were sent must be there too.
-        participants: Those whose parts it takes.
-        until_tick: The tick.
     """
     folders = [folder for folder in _list_folders(run_dir) if int(folder.name) <= until_tick]
     reason = ""

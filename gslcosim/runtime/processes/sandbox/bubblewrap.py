@@ -55,12 +55,9 @@ def build_bubblewrap_command(
     """Return the command line that starts a command in its cell.
 
     Args:
-        cell: What it sees.
-        command: The program and its arguments.
         has_pipes: Whether its standard input and output come as `launcher.PIPES_AT`, so that bubblewrap, which stays
             beside it, does not keep them open.
         arguments: The descriptor of a file with those of `build_bubblewrap_arguments`.
-        calls: The descriptor of a filter of system calls.
     """
     places: dict[Path, list[str]] = {}
     for path in cell.reads:
@@ -93,7 +90,6 @@ def build_bubblewrap_arguments(variables: Mapping[str, str], kernels: Mapping[st
     """Return arguments that are no part of the command line: there other users could read them, and it has a limit.
 
     Args:
-        variables: All variables of the process in the cell.
         kernels: Compiled kernels by the name of their folder; they are linked in the private folder, where more are
             compiled, so that its limit holds for these, too.
     """

@@ -69,11 +69,7 @@ def read_landlock_version() -> int:
 
 
 def list_missing_protections(abi: int) -> list[str]:
-    """Return in words what a version of Landlock leaves open that later ones close.
-
-    Args:
-        abi: The version, at least 1.
-    """
+    """Return in words what a version of Landlock leaves open that later ones close."""
     return [text for since, text in _CLOSED_SINCE if abi < since]
 
 
@@ -93,7 +89,6 @@ def confine(
         lists: Folders whose names may be listed, with all below.
         writes: Folders to do anything in, but to make sockets.
         files_rw: Files and devices to read and write.
-        tcp_ports: Ports to connect to.
         is_about_files: Whether files are confined at all, or the network alone.
     """
     abi = read_landlock_version()
@@ -262,12 +257,7 @@ def can_filter() -> bool:
 
 
 def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
-    """Refuse what Landlock does not know, for this process and all that it will start; see `build_filter_program`.
-
-    Args:
-        allows_unix: Whether unix sockets are allowed.
-        allows_tcp: Whether TCP is.
-    """
+    """Refuse what Landlock does not know, for this process and all that it will start; see `build_filter_program`."""
     if not can_filter():
         return
     code = build_filter_program(
@@ -298,9 +288,6 @@ def build_filter_program(
     do not run.
 
     Args:
-        machine: The kind of processor.
-        allows_unix: Whether unix sockets are allowed.
-        allows_tcp: Whether TCP is.
         is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
             that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
         has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.

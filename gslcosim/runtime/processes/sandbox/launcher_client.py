@@ -63,12 +63,7 @@ class Launch:
     """One process that is started by the launcher; who starts it closes `descriptors` afterwards.
 
     Args:
-        confinement: How it is kept.
-        command: Its program and arguments.
         environment: All variables of the process itself. The launcher does not start with them.
-        directory: The folder that the process itself starts in.
-        has_pipes: Whether it speaks by standard input and output.
-        keep: Descriptors that the process itself inherits.
     """
 
     def __init__(

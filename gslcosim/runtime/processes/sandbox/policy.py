@@ -63,10 +63,6 @@ def find_own_folders(command: Sequence[str], directory: Path) -> list[Path]:
     """Return the folders that a command line names, and those of the files that it names, its program among them.
 
     A program in a `bin` brings the folder around it, where its libraries are.
-
-    Args:
-        command: The command line.
-        directory: Where it starts.
     """
     found: list[Path] = []
     program = shutil.which(command[0]) if "/" not in command[0] else str(directory / command[0])
@@ -157,9 +153,6 @@ def split_readable_paths(cell: SandboxPolicy) -> tuple[list[Path], list[Path]]:
 
     A folder with something hidden in it is read by its other entries. Only names can be seen then. All are real places,
     for what is allowed is the place to which a link leads: a link in such a folder is none.
-
-    Args:
-        cell: What is to be seen.
     """
     reads: list[Path] = []
     lists: list[Path] = []

@@ -136,7 +136,6 @@ def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) 
     Version control's folders count among them. Files of programs do not, whatever they say.
 
     Args:
-        folders: They are searched to their ends.
         sources: Files that are truth under each name that they have.
     """
     inodes = {(status.st_dev, status.st_ino) for path in sources if (status := _status(path)) is not None}
@@ -362,12 +361,7 @@ def find_strongest_sandbox() -> SandboxKind:
 
 
 def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, str]:
-    """Return by agent and participant what its process is confined by, in the words of `result.json`.
-
-    Args:
-        scenario: The scenario.
-        is_one_process: Whether Python agents are objects in this process.
-    """
+    """Return by agent and participant what its process is confined by, in the words of `result.json`."""
     starts = {agent.name: agent for agent in scenario.agents}
     of_agents = {
         agent.name: _describe_sandbox(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents
@@ -394,26 +388,21 @@ def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Probl
 
     Args:
         scenario: What is to be flown; its `processes` say whether Python agents are objects.
-        directory: Not needed.
     """
     del directory
     is_one_process = scenario.processes == "one"
     for i, agent in enumerate(scenario.agents):
         if agent.process == agent.name:
-            problems = _find_unmet_demands(agent, is_one_process=is_one_process)
+            is_object = is_one_process and not agent.start.is_behind_gateway
+            has_none = agent.start.attach or is_object
+            problems = (_find_demands_without_process if has_none else _find_unmet_demands)(agent)
             yield from (replace(problem, where=f"agents[{i}].{problem.where}") for problem in problems)
     for i, participant in enumerate(scenario.participants):
-        problems = _find_unmet_demands_of_process(participant)
-        yield from (replace(problem, where=f"participants[{i}].{problem.where}") for problem in problems)
+        for problem in _find_unmet_demands(participant):
+            yield replace(problem, where=f"participants[{i}].{problem.where}")
 
 
-def _find_unmet_demands(agent: AgentSpec, *, is_one_process: bool) -> Iterator[Problem]:
-    if agent.start.attach or (is_one_process and not agent.start.is_behind_gateway):
-        return _find_demands_without_process(agent)
-    return _find_unmet_demands_of_process(agent)
-
-
-def _find_unmet_demands_of_process(agent: ConfinementSpec) -> Iterator[Problem]:
+def _find_unmet_demands(agent: ConfinementSpec) -> Iterator[Problem]:
     found = (_find_missing_sandbox(agent), _find_missing_limits(agent), _find_unset_variable(agent, os.environ))
     return (problem for problem in found if problem is not None)
 
@@ -501,8 +490,6 @@ def build_environment_variables(
     """Return the variables with which the process of an agent or participant starts; those of the run come on top.
 
     Args:
-        agent: The agent or participant.
-        command: What starts it.
         surroundings: From which variables are taken; absent: this process's own.
     """
     around = os.environ if surroundings is None else surroundings
@@ -520,21 +507,15 @@ def build_confinement(
     *,
     directory: Path,
     private_dir: Path,
-    sockets: Sequence[Path] = (),
-    tcp_port: int | None = None,
+    address: str = "",
 ) -> Confinement:
-    """Return how the process of an agent or participant is confined.
+    """Return how the process of an agent or participant is confined, which reaches the run at an address, if at one.
 
     Args:
-        agent: The agent or participant whose process it is.
-        command: What starts it.
-        setup: The run, none of which it sees.
-        directory: The scenario's folder.
-        private_dir: Where private folders may be made.
-        sockets: The unix sockets of its transport.
-        tcp_port: The port of its transport.
+        address: `unix:PATH` or `tcp:HOST:PORT`.
     """
     kind = choose_sandbox(agent)
+    door, _, place = address.partition(":")
     environment = build_environment_variables(agent, command)
     if kind == "none":
         return Confinement(limits=agent.limits, environment=environment)
@@ -567,8 +548,8 @@ def build_confinement(
         reads=_keep_existing([*readable, *([kernels] if kernels is not None else [])]),
         hidden=_keep_existing([*hidden, *_under_other_names(hidden, readable)]),
         writes=_keep_existing(writes),
-        sockets=tuple(sockets),
-        tcp_port=tcp_port,
+        sockets=(Path(place),) if door == "unix" else (),
+        tcp_port=int(place.rpartition(":")[2]) if door == "tcp" else None,
         kernels=kernels,
         scratch=scratch,
     )

@@ -4,7 +4,6 @@ import pytest
 
 from gslcosim.runtime.distributed import supervisor
 from gslcosim.runtime.distributed.supervisor import LATE_AFTER_S, StatusReporter
-from gslcosim.runtime.status import no_participants
 
 
 @pytest.fixture
@@ -16,7 +15,7 @@ def clock(monkeypatch):
 
 def test_a_new_state_is_reported_at_once_and_the_same_not_too_often(clock):
     reports = []
-    teller = StatusReporter(reports.append, 100_000_000, no_participants)
+    teller = StatusReporter(reports.append, 100_000_000, list)
     for state, tick in (("flying", 1), ("flying", 2), ("closing", 3)):
         teller.report_run(state, tick, wall_s=0.05)
     clock[0] += 1.0
@@ -29,7 +28,7 @@ def test_a_new_state_is_reported_at_once_and_the_same_not_too_often(clock):
 
 def test_who_has_not_joined_in_time_is_late(clock):
     reports = []
-    teller = StatusReporter(reports.append, 100_000_000, no_participants)
+    teller = StatusReporter(reports.append, 100_000_000, list)
     teller.report_awaited(["world", "beetle"], LATE_AFTER_S)
     clock[0] += 1.0
     teller.report_awaited(["world"], LATE_AFTER_S + 1.0)
