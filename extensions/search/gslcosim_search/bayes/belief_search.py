@@ -1,4 +1,9 @@
-"""Agents with a belief over the floor: findings, wind, goals worth their way, and declarations at the place."""
+"""Agents with a belief over the floor: findings, wind, goals worth their way, and declarations at the place.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_belief_search.py
+    extensions/search/tests/unit/bayes/test_source_goals.py
+"""
 
 import math
 from abc import abstractmethod
@@ -90,8 +95,6 @@ def choose_goal(
 
     Source:
         Probability per cost, as in search theory (Stone 1975, Theory of Optimal Search).
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_goals.py
     """
     lengths_m = distances_m(grid, here_m)
     per_metre = worth if math.isinf(near_m) else worth / (lengths_m + near_m)
@@ -114,9 +117,6 @@ class GoalNavigator:
     """Flies towards goals in steps, round the obstacles of a granted map, and gives up goals that are refused.
 
     State: the flights' pilot, and which cells were refused.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_goals.py
     """
 
     def __init__(self, flights: MapNavigator, *, step_m: float, radius_m: float = 0.5) -> None:
@@ -228,9 +228,6 @@ class BeliefAgent(SearchAgent):
     `BeliefSearchSettings`.
 
     State: that of its parts, and a place that is to be rejected.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_belief_search.py
     """
 
     def __init__(

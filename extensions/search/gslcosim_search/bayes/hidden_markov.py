@@ -1,5 +1,9 @@
 # pyright: basic
-"""Hidden Markov chains of plumes: parcels of air hop from cell to cell, unseen but where a sensor meets gas."""
+"""Hidden Markov chains of plumes: parcels of air hop from cell to cell, unseen but where a sensor meets gas.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_hidden_markov.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -35,8 +39,6 @@ def axis_chances(shift_cells, variance_cells2):
 
     Source:
         Our derivation: three chances, three moments (0, 1 and 2).
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     spread = max(variance_cells2, abs(shift_cells) * (1.0 - abs(shift_cells))) + shift_cells * shift_cells
     return 0.5 * (spread - shift_cells), 1.0 - spread, 0.5 * (spread + shift_cells)
@@ -56,9 +58,6 @@ def hop_chances(wind_m_s, step_s, cell_m, spread_m_sqrt_s):
 
     Returns:
         (n_x, n_y, 2, 3): axis; back, stay, ahead.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n_x, n_y = wind_m_s.shape[0], wind_m_s.shape[1]
     chances = np.empty((n_x, n_y, 2, 3))
@@ -188,8 +187,6 @@ def push_forward(chances, is_solid, first, evidence):
 
     Source:
         Rabiner 1989, doi:10.1109/5.18626, equations 19 to 21 and the scaling of section V.A.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n_steps = evidence.shape[0] - 1
     n_x, n_y = is_solid.shape
@@ -227,8 +224,6 @@ def pull_back_evidence(chances, is_solid, evidence):
 
     Source:
         Rabiner 1989, doi:10.1109/5.18626, equations 24 and 25.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n_steps = evidence.shape[0] - 1
     n_x, n_y = is_solid.shape
@@ -310,9 +305,6 @@ def count_hops_per_step(step_s: float, fastest_m_s: float, cell_m: float, spread
         fastest_m_s: Fastest wind W along an axis [m/s].
         cell_m: Edge of a cell c [m].
         spread_m_sqrt_s: Spread s of parcels [m / sqrt(s)].
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n = max(1, math.ceil(fastest_m_s * step_s / (_LONGEST_HOP * cell_m)))
     while (fastest_m_s * step_s / (n * cell_m)) ** 2 + spread_m_sqrt_s**2 * step_s / (n * cell_m**2) > 1.0:
@@ -391,8 +383,6 @@ def compute_finding_likelihoods(
 
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068, with the chain's chances in place of a uniform wind's.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     with np.errstate(divide="ignore"):
         missed = np.log1p(-detection_probability * chance)

@@ -1,5 +1,9 @@
 # pyright: basic
-"""Puff tracing: a source map from puffs of gas traced back with the wind, after Pang and Farrell."""
+"""Puff tracing: a source map from puffs of gas traced back with the wind, after Pang and Farrell.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_puff_tracing.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -194,8 +198,6 @@ def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
 
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068.
-    Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py
     """
     newest_first = wind_m_s[::-1] * step_s
     return np.concatenate([np.zeros((1, 2)), np.cumsum(newest_first, axis=0)])
@@ -292,9 +294,6 @@ def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequen
 
     Returns:
         (2 nx - 1, 2 ny - 1), the sensor's own cell in the middle.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py
     """
     n_x, n_y = 2 * shape[0] - 1, 2 * shape[1] - 1
     low_m = np.array([-0.5 * n_x * cell_m, -0.5 * n_y * cell_m])

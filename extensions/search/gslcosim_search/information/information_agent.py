@@ -1,4 +1,9 @@
-"""Information-driven agents: a belief on a grid, stops where an objective is best, and the table of objectives."""
+"""Information-driven agents: a belief on a grid, stops where an objective is best, and the table of objectives.
+
+Held by:
+    extensions/search/tests/agents/test_information_agents.py
+    extensions/search/tests/unit/information/test_information_agent.py
+"""
 
 import math
 import re
@@ -192,9 +197,6 @@ class InformationAgent(SearchAgent):
 
     State: the belief; which cells were passed; the wind of the last seconds; findings not yet taken in; refused ends;
     what was declared; the surprise of the last stops.
-
-    Held by:
-        extensions/search/tests/unit/information/test_information_agent.py, ../../agents/test_information_agents.py
     """
 
     objective: ClassVar[str]
@@ -367,9 +369,6 @@ def max_box_probability(p: Array, reach: int) -> float:
     Args:
         p: The belief, in the grid's shape.
         reach: From the middle cell to the outer ones [cells].
-
-    Held by:
-        extensions/search/tests/unit/information/test_information_agent.py
     """
     sums = np.pad(p, reach)
     for axis in range(p.ndim):

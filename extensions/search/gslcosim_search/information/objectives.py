@@ -1,5 +1,9 @@
 # pyright: basic
-"""Objectives of information-driven searches: the expected cost of each next stop, and a monitor for a wrong model."""
+"""Objectives of information-driven searches: the expected cost of each next stop, and a monitor for a wrong model.
+
+Held by:
+    extensions/search/tests/unit/information/test_objectives.py
+"""
 
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
 
@@ -114,9 +118,6 @@ def remaining_entropy_bits(p, log_p, likelihood, weight, log_weight):
         likelihood: (n, c) probability of each outcome.
         weight: (n, c) what it weighs.
         log_weight: (n, c) natural logarithm of the weight.
-
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
     total = 0.0
     for h in range(likelihood.shape[0]):
@@ -145,9 +146,6 @@ def posterior_into(p, log_p, weight, log_weight, posterior, log_posterior):
         log_weight: (c,) natural logarithm of W, 0 where W is 0.
         posterior: (c,) p'; overwritten. All 0 where z is 0.
         log_posterior: (c,) its logarithm, 0 where p' is 0; overwritten.
-
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
     z = 0.0
     for j in range(p.shape[0]):
@@ -526,8 +524,6 @@ class SurpriseMonitor:
 
     Source:
         Ours; a confident belief by a wrong model never recovers by itself.
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
 
     def __init__(self, *, n_stops: int = 20, k: float = 3.0) -> None:

@@ -6,6 +6,10 @@ offsets by this turn alone.
 
 States are cells, moves lead from cell to cell for sure, what is observed depends on the cell that was reached. A state
 may be terminal: there the search is over, and the searcher knows it. Values are discounted sums of rewards.
+
+Held by:
+    extensions/search/tests/unit/information/test_offset_grid.py
+    extensions/search/tests/unit/information/test_pomdp.py
 """
 
 import math
@@ -85,9 +89,6 @@ def offsets_m(places_m: Floats, position_m: tuple[float, float], downwind_rad: f
     """Return the offsets of the vehicle from each of (n, 2) positions, in the frame of the wind.
 
     d = R(-w) (x - s)        [m] = [m]; x the vehicle, s a place, w the direction the air goes
-
-    Held by:
-        extensions/search/tests/unit/information/test_offset_grid.py
     """
     c, s = math.cos(downwind_rad), math.sin(downwind_rad)
     x_m, y_m = (np.subtract(position_m, places_m)).T
@@ -103,9 +104,6 @@ def update_offset_belief(belief: Floats, likelihood: Floats, power: float = 1.0)
     """Return a belief after an observation: p(s) L(s)^power / sum; unchanged where nothing would be left.
 
     A power below 1 takes an observation for less than it says: neighbouring ones see the same filaments.
-
-    Held by:
-        extensions/search/tests/unit/information/test_offset_grid.py
     """
     joint = belief * likelihood**power
     total = float(joint.sum())
@@ -120,9 +118,6 @@ class RunningWind:
     A plume lies along the mean wind, not along that of the moment.
 
     State: the mean vector, the time of the last measurement, and the last direction that could be trusted.
-
-    Held by:
-        extensions/search/tests/unit/information/test_offset_grid.py
     """
 
     def __init__(self, *, memory_s: float = 30.0, threshold_m_s: float = 0.1) -> None:
@@ -312,8 +307,6 @@ def update_belief(belief: Floats, problem: Pomdp, action: int, level: int) -> tu
 
     Source:
         Åström 1965; Kaelbling, Littman, Cassandra 1998, doi:10.1016/S0004-3702(98)00023-X, eq. 1.
-    Held by:
-        extensions/search/tests/unit/information/test_pomdp.py
     """
     joint = predict_belief(belief, problem, action) * problem.observed[level] * ~problem.is_terminal
     probability = float(joint.sum())
@@ -420,9 +413,6 @@ def sample_beliefs(
 
     Returns:
         (n_beliefs, n_states).
-
-    Held by:
-        extensions/search/tests/unit/information/test_pomdp.py
     """
     found: list[Floats] = []
     while len(found) < n_beliefs:

@@ -1,6 +1,11 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it."""
+"""PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it.
+
+Held by:
+    extensions/search/tests/unit/maps/test_backward_plume.py
+    extensions/search/tests/unit/maps/test_pmfs.py
+"""
 
 import math
 from collections.abc import Sequence
@@ -61,8 +66,6 @@ def transport_band(numbers, n_free, width, wind_m_s, diffusivity_m2_s, loss_per_
 
     Source:
         Scharfetter and Gummel 1969, doi:10.1109/T-ED.1969.16566 (exponentially fitted fluxes).
-    Held by:
-        extensions/search/tests/unit/maps/test_backward_plume.py
     """
     nx, ny = numbers.shape
     band = np.zeros((n_free, 2 * width + 1))
@@ -114,8 +117,6 @@ class BackwardPlume:
     Source:
         The adjoint of the advection-diffusion equation; in place of the simulations of filaments of PMFS (Ojeda,
         Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879).
-    Held by:
-        extensions/search/tests/unit/maps/test_backward_plume.py
     """
 
     def __init__(self, free: Free, cell_m: float, wind_m_s: Array, model: PlumeModel) -> None:
@@ -197,8 +198,6 @@ def stretched_kernel(free, length, order, wind_x, wind_y, sigma, stretch):
 
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS), with the public code's window [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     nx, ny, _ = free.shape
     weight = np.zeros(nx * ny)
@@ -257,8 +256,6 @@ def trust_inplace(omega, length, order, sigma):
 
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS) [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     for cell in order:
         far = length[cell] / (UNITS_PER_CELL * sigma)
@@ -283,8 +280,6 @@ def add_log_score_inplace(log_score, shares, measured, confidence, least):
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS): product of 1 - conf + conf (1 - kd |difference|)
         with kd = 1 [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     product = np.ones(shares.shape[1])
     for m in range(shares.shape[0]):
@@ -308,9 +303,6 @@ def disagreement(shares, p):
 
     Returns:
         (n_cells,) variances.
-
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     variance = np.zeros(shares.shape[0])
     for m in range(shares.shape[0]):
@@ -391,8 +383,6 @@ class Pmfs(GoalCells):
         of a few hundred candidates: every cell is a candidate, and nothing is drawn at random. The product runs over
         trusted cells only, so that cells nobody measured do not count. A score may be tempered: neighbouring cells
         share their measurements, and the model is not the room.
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
 
     bounds_log_odds: ClassVar[bool] = True

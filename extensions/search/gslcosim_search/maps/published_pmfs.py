@@ -1,6 +1,10 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""PMFS as published: candidate sources are scored by simulations of filaments in the estimated wind."""
+"""PMFS as published: candidate sources are scored by simulations of filaments in the estimated wind.
+
+Held by:
+    extensions/search/tests/unit/maps/test_published_pmfs.py
+"""
 
 import math
 from collections.abc import Sequence
@@ -84,8 +88,6 @@ def simulate_hit_shares(
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS), by what the public code does [C].
     Deviation:
         Positions are checked each half cell on the way instead of by visibility of the end.
-    Held by:
-        extensions/search/tests/unit/maps/test_published_pmfs.py
     """
     n_random = normals.shape[0]
     hits = np.zeros(free.shape)
@@ -213,8 +215,6 @@ class PublishedPmfs(Pmfs):
         The first regions are squares, halved where something is solid, instead of fused leaves of a quadtree. Of
         equally good goals one is drawn: the public code takes the first in the order of a hash table. Random numbers
         are a fixed set from the agent's seed.
-    Held by:
-        extensions/search/tests/unit/maps/test_published_pmfs.py
     """
 
     bounds_log_odds: ClassVar[bool] = False

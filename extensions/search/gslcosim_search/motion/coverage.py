@@ -2,6 +2,10 @@
 
 The nearest square across the wind comes first. In an empty room this flies lanes across the wind; after gas was
 followed and lost again, what was seen meanwhile is left out.
+
+Held by:
+    extensions/search/tests/unit/motion/test_coverage_grid.py
+    extensions/search/tests/unit/motion/test_lawnmower.py
 """
 
 import math
@@ -23,8 +27,6 @@ class CoverageGrid:
 
     Source:
         Ours: a sweep in lanes that may be left and taken up again anywhere.
-    Held by:
-        extensions/search/tests/unit/motion/test_coverage_grid.py
     """
 
     def __init__(self, room: LegSpace, *, edge_m: float, along_weight: float = 2.0) -> None:
@@ -102,8 +104,6 @@ def lawnmower_path_m(room: LegSpace, spacing_m: float, start_m: Sequence[float])
 
     Source:
         Textbook (boustrophedon path of a rectangle).
-    Held by:
-        extensions/search/tests/unit/motion/test_lawnmower.py
     """
     low, high = room.min_m[:2], room.max_m[:2]
     near = tuple(a if abs(x - a) <= abs(x - b) else b for x, a, b in zip(start_m, low, high))

@@ -1,4 +1,10 @@
-"""Declaration rules of each family of methods, and a guard against repeated declarations."""
+"""Declaration rules of each family of methods, and a guard against repeated declarations.
+
+Held by:
+    extensions/search/tests/unit/motion/test_declaration.py
+    extensions/search/tests/unit/motion/test_plume_end.py
+    extensions/search/tests/unit/test_plume_fit.py
+"""
 
 import math
 from collections import deque
@@ -37,9 +43,6 @@ class DeclarationGuard:
     """Lets an estimate pass once: again only when it has moved, or when it is surer.
 
     State: the last estimate that passed.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, moved_m: float = 0.5, surer_by: float = 0.1) -> None:
@@ -84,8 +87,6 @@ class ReactiveRule:
     Source:
         Our rule; no reactive method of the literature but that of Li, Farrell et al. 2006 defines one. The edge is
         virtual: it is read off the stops, no leg is flown for it.
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(
@@ -180,8 +181,6 @@ class PlumeEndRule:
     Deviation:
         One pass up the plume and out of it is enough, readings on the way count, and it is judged after a time: Li's
         rule (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
-    Held by:
-        extensions/search/tests/unit/motion/test_plume_end.py
     """
 
     def __init__(
@@ -312,8 +311,6 @@ class PlumeFitRule:
 
     Source:
         The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
-    Held by:
-        extensions/search/tests/unit/test_plume_fit.py
     """
 
     def __init__(
@@ -384,9 +381,6 @@ class MissionDeclarer:
     sensor that recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
 
     State: that of the rules, the cleanest air, and the rule of the hits.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_plume_end.py, extensions/search/tests/unit/test_plume_fit.py
     """
 
     def __init__(
@@ -439,9 +433,6 @@ class ReactiveDeclarer:
     """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and where the mission asks for one.
 
     State: the rule's stops, the cleanest air that was met, and what was declared.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(
@@ -510,8 +501,6 @@ class UnchangedRule:
 
     Source:
         10 legs within 0.5 m for peaks of gas maps, ours; 60 s for a swarm's best, remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 0.5, n_legs: int = 10, for_s: float = 0.0) -> None:
@@ -535,8 +524,6 @@ class SwarmRule:
 
     Source:
         20 s within 1.5 m and 60 s unchanged: remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 1.5, near_s: float = 20.0, unchanged_s: float = 60.0) -> None:

@@ -1,6 +1,11 @@
 """Legs: where they may end, the planner from a goal to a leg that the vehicle can do, and detection of being stuck.
 
 Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. The stuck detector notices.
+
+Held by:
+    extensions/search/tests/unit/motion/test_leg_planner.py
+    extensions/search/tests/unit/motion/test_legs.py
+    extensions/search/tests/unit/motion/test_stuck_detector.py
 """
 
 import math
@@ -47,9 +52,6 @@ class Obstacles:
         The line is cut where it crosses the planes between cells; the middle of each piece tells its cell. Cells that
         the line touches in an edge only do not count. A line that begins in a solid cell, where the vehicle is already
         (a map may be coarser than the vehicle's own sight), may leave it.
-
-        Held by:
-            extensions/search/tests/unit/motion/test_legs.py
         """
         cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
         middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
@@ -173,9 +175,6 @@ def leg_end(
         length_m: Its horizontal length [m].
         room: Where it may end.
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_legs.py
     """
     dimensions = 2 if climb_m is None else 3
     steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)
@@ -296,9 +295,6 @@ class LegPlanner:
     3. Where nothing fits it goes to the nearest place inside the margin.
 
     State: where the last leg was to end, and until when the vehicle is busy with it.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_leg_planner.py
     """
 
     def __init__(
@@ -407,9 +403,6 @@ def cut_end_m(start_m: Sequence[float], target_m: Sequence[float], room: LegSpac
     t = min over x, y of (side - start) / (target - start), within [0, 1];  end = start + t (target - start)
 
     From a start outside the margin it is the nearest place to the target inside.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_leg_planner.py
     """
     t = 1.0
     for start, target, low, high in zip(start_m[:2], target_m[:2], room.min_m, room.max_m):
@@ -443,8 +436,6 @@ class StuckDetector:
 
     Source:
         Ours, against a known fault of searches that follow the wind.
-    Held by:
-        extensions/search/tests/unit/motion/test_stuck_detector.py
     """
 
     def __init__(self, *, n_legs: int, radius_m: float) -> None:

@@ -1,4 +1,9 @@
-"""Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there."""
+"""Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there.
+
+Held by:
+    extensions/search/tests/unit/motion/test_known_paths.py
+    extensions/search/tests/unit/motion/test_map_navigation.py
+"""
 
 import math
 from collections import deque
@@ -31,9 +36,6 @@ class KnownPaths:
     """Finds ways with the map of a briefing; without one they are straight.
 
     State: the map, with a clearance about what is solid. Nothing changes.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_known_paths.py
     """
 
     def __init__(self, briefing: Briefing, *, clearance_m: float) -> None:
@@ -110,9 +112,6 @@ class StopRecorder:
     """Collects what a vehicle measures between two decisions at rest: call `add` with every observation.
 
     State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_map_navigation.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, every_s: float) -> None:
@@ -158,9 +157,6 @@ class MapNavigator:
     together. Ways keep `clearance_m` from obstacles where they can and `margin_m` from the room's bounds.
 
     State: the goal, and the pilot's last leg.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_map_navigation.py
     """
 
     def __init__(

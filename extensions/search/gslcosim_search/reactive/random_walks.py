@@ -1,4 +1,9 @@
-"""Random walks that are blind, or nearly so: run and tumble, and Levy walks."""
+"""Random walks that are blind, or nearly so: run and tumble, and Levy walks.
+
+Held by:
+    extensions/search/tests/analytic/test_blind_walks.py
+    extensions/search/tests/unit/reactive/test_random_walks.py
+"""
 
 import math
 from collections.abc import Sequence
@@ -84,8 +89,6 @@ def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most
 
     Source:
         Inverse of the distribution function; Levy walks after Viswanathan et al. 1999, doi:10.1038/44831.
-    Held by:
-        extensions/search/tests/unit/reactive/test_random_walks.py
     """
     q = 1.0 - exponent
     if abs(q) < 1e-9:
@@ -103,8 +106,6 @@ class LevyWalk:
 
     Source:
         Levy walk with exponent 2, truncated at the room's size, remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/reactive/test_random_walks.py
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:

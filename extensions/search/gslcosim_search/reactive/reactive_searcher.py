@@ -1,4 +1,9 @@
-"""Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration."""
+"""Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_detections.py
+    extensions/search/tests/unit/reactive/test_reactive_searcher.py
+"""
 
 import math
 from abc import abstractmethod
@@ -32,8 +37,6 @@ class LossPoints:
         Li, Farrell, Pang, Arrieta 2006, doi:10.1109/TRO.2006.870627: six places, 4 m at sea (remembered, unverified).
     Deviation:
         The spread is scaled to rooms.
-    Held by:
-        extensions/search/tests/unit/reactive/test_detections.py
     """
 
     def __init__(self, *, n: int, spread_m: float) -> None:
@@ -106,9 +109,6 @@ class ReactiveAgent(SearchAgent):
     Its settings: those of `ReactiveSettings`.
 
     State: that of its parts, the contact of the last stop, and for how many more legs the search is sent away.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_reactive_searcher.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:

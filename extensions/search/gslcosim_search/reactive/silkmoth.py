@@ -1,4 +1,9 @@
-"""Silkmoth programme after each whiff: a surge, three turns, then a loop; and its sidestep around obstacles."""
+"""Silkmoth programme after each whiff: a surge, three turns, then a loop; and its sidestep around obstacles.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_sidestep.py
+    extensions/search/tests/unit/reactive/test_silkmoth.py
+"""
 
 import math
 from dataclasses import dataclass
@@ -16,9 +21,6 @@ class Sidestep:
     every so often whether the old heading is free again.
 
     State: the number of refusals, and until when the turn is kept.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_sidestep.py
     """
 
     def __init__(self, *, side: int, keep_s: float) -> None:
@@ -89,8 +91,6 @@ def phase_at(since_hit_s: float) -> Phase:
 
     Source:
         Kanzaki et al. 1992 and Ishida et al. 1995; figures as in a public silkmoth simulator, read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_silkmoth.py
     """
     if since_hit_s < _TURNS[0][0] - 1e-9:
         return SURGE
@@ -114,9 +114,6 @@ class TrueWind:
     w <- w + (1 - exp(-dt / tau)) (a + v - w)        a apparent wind, v velocity of the vehicle [m/s]
 
     State: the smoothed wind, and the time of the last sample.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_silkmoth.py
     """
 
     def __init__(self, vane: Vane, *, smoothing_s: float, threshold_m_s: float) -> None:

@@ -1,4 +1,9 @@
-"""Hit detection: gas or no gas from a sensor that lags, drifts and is noisy, as evidence for and against."""
+"""Hit detection: gas or no gas from a sensor that lags, drifts and is noisy, as evidence for and against.
+
+Held by:
+    extensions/search/tests/unit/senses/test_gas_evidence.py
+    extensions/search/tests/unit/senses/test_hit_detection.py
+"""
 
 import math
 from collections import deque
@@ -30,8 +35,6 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
     Source:
         GSL-Bench compares strictly (eps 0, floor 0). The dead band is ours: with noise a strict comparison in clean
         air is a coin flip.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
     return (1.0 - eps) * amount > max(before, floor)
 
@@ -66,9 +69,6 @@ class GasLevel:
     ppm, hits, detections: c as it is
 
     State: R_clean.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose) -> None:
@@ -110,8 +110,6 @@ class OnsetDetector:
     Source:
         Onsets in place of thresholds are common for MOX sensors. sd of the slope: our derivation, the variance of a
         white sequence minus its exponential average.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(
@@ -215,8 +213,6 @@ class MoxEvidence:
         Huerta 2016, Sensors and Actuators B 235, 636, who smooth, differentiate and ask for a least amplitude).
     Deviation:
         Theirs are bouts alone; gas that stays and air that is clean are told here too.
-    Held by:
-        extensions/search/tests/unit/senses/test_gas_evidence.py
     """
 
     def __init__(
@@ -289,8 +285,6 @@ class BoutDetector:
     Deviation:
         D must also exceed `least_rise`: while a sensor recovers D returns to 0 from below and S lags behind it, which
         D > S alone takes for gas. `least_rise` -inf is the published rule.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     SPANS = (3.0, 8.0, 5.0)
@@ -334,9 +328,6 @@ class GasHits:
     than `threshold_ppm`, one of detections or hits while it shows more than half a hit. None while it warms up.
 
     State: the detector, the last tick, the time of the last hit, and whether there was a hit since `take` was called.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose, *, threshold_ppm: float = 0.1, mox: MoxEvidence | None = None) -> None:
@@ -401,8 +392,6 @@ class GasEvidence:
 
     Source:
         Ours: a MOX sensor that lags knows a third state between gas and none.
-    Held by:
-        extensions/search/tests/unit/senses/test_gas_evidence.py
     """
 
     def __init__(self, nose: Nose, *, every_s: float = 1.0, threshold_ppm: float = 0.1, level: float = 0.1) -> None:

@@ -1,4 +1,8 @@
-"""Vision prior of the source: coloured things in camera pictures, their positions, and how likely such things leak."""
+"""Vision prior of the source: coloured things in camera pictures, their positions, and how likely such things leak.
+
+Held by:
+    extensions/search/tests/unit/senses/test_vision.py
+"""
 
 import io
 import math
@@ -68,8 +72,6 @@ def classify_colours(pixels: Pixels, *, least_saturation: float = 0.3, least_val
 
     Source:
         Smith 1978, Color gamut transform pairs, doi:10.1145/965139.807361.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     rgb = pixels.astype(np.float64) / 255.0
     value, low = rgb.max(axis=2), rgb.min(axis=2)
@@ -103,9 +105,6 @@ def find_patches(colour: NDArray[np.int64], *, least_pixels: int = 8) -> list[tu
 
     Returns:
         Label and (height, width) mask of each.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     left, patches = colour.copy(), []
     for row, column in np.argwhere(colour >= 0).tolist():
@@ -136,8 +135,6 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     Deviation:
         The vehicle is taken for level: observations have its yaw only. A tilt of 0.05 rad at a height of 1 m moves
         what stands 3 m away by half a metre, so look from rest.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     offsets = (points_px - np.array(image.centre_px)) / image.focal_px
     optical = np.column_stack([offsets, np.ones(len(offsets))])
@@ -184,9 +181,6 @@ def seen_objects(
         floor_m: Height of the floor, world frame [m].
         farthest_m: Greatest distance that is believed [m].
         least_pixels: Smaller patches of colour are left out.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     found = []
     colour = classify_colours(decode_pixels(image))
@@ -209,9 +203,6 @@ class SeenObjects:
     """The things seen so far, each once: of those with one label and centres close together the nearest view counts.
 
     State: the things.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
 
     def __init__(self, *, merge_m: float = 0.8) -> None:
@@ -265,8 +256,6 @@ def prior_from_objects(
     Source:
         The idea: Monroy et al. 2018, Sensors (remembered, unverified): detections give a prior of the source by the
         class of the object. The formula is ours.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     most, least = np.ones(grid.shape), np.ones(grid.shape)
     centres_m = grid.centres_m()

@@ -2,6 +2,9 @@
 
 The mass flux at a robot is F = c W: the gas there times the wind vector. Through a closed ring flows what its inside
 releases (the divergence theorem), so a ring tells whether the source is inside, wherever its maximum of gas lies.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_fluxotaxis.py
 """
 
 import math
@@ -135,8 +138,6 @@ def inflow_direction(positions_m: Floats, flux: Floats) -> Floats | None:
 
     Source:
         Following the flux upstream, as Zarzhitsky and Spears (remembered, unverified); the weights are ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_fluxotaxis.py
     """
     if len(positions_m) < 2:
         return None
@@ -214,8 +215,6 @@ class OutflowRule:
 
     Source:
         Zarzhitsky and Spears (the theorem as a rule; share and number of rounds are ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_fluxotaxis.py
     """
 
     def __init__(self, *, least_frac: float, least_flow: float, n_rounds: int) -> None:

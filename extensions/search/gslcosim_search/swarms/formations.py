@@ -1,6 +1,11 @@
 """Formations of a team: positions, keeping the shape, search for a plume, and rounds of a flight in formation.
 
 Slots are given in the frame of the formation: x upwind, y to the left of upwind, the mean of all slots at the origin.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_formation_agent.py
+    extensions/search/tests/unit/swarms/test_formations.py
+    extensions/search/tests/unit/swarms/test_plume_search.py
 """
 
 import math
@@ -38,8 +43,6 @@ def diagonal_line(n: int, spacing_m: float) -> Floats:
         Marjovi and Marques 2013 (abstract: equally spaced robots on a diagonal line are the best for finding plumes).
     Deviation:
         The slope of 45 degrees is ours; the paper's follows from wind and dispersion.
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     steps = np.arange(n, dtype=np.float64) - (n - 1) / 2.0
     return spacing_m * np.column_stack((steps, steps))
@@ -52,8 +55,6 @@ def inverted_v(n: int, spacing_m: float) -> Floats:
 
     Source:
         Soares, Aguiar, Pascoal, Martinoli 2015, ICRA, doi:10.1109/ICRA.2015.7139402 (shape named; measures ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     ranks = np.array([(i + 1) // 2 for i in range(n)], dtype=np.float64)
     sides = np.array([1.0 if i % 2 else -1.0 for i in range(n)])
@@ -331,8 +332,6 @@ def next_width(
 
     Source:
         Soares, Aguiar, Pascoal, Martinoli 2015 (abstract; step and limits ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     if not smells.any():
         return width
@@ -407,9 +406,6 @@ def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, ste
         lanes_m: (m, 2) turns [m].
         place_m: Where the team is [m].
         step_m: How far along the lanes [m].
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_plume_search.py
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
     starts_m, spans_m = lanes_m[:-1], np.diff(lanes_m, axis=0)
@@ -433,8 +429,6 @@ class PlumeMemory:
 
     Source:
         Casting as in Lochmatter and Martinoli 2008; of a whole formation, ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_plume_search.py
     """
 
     def __init__(self, lanes_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:
@@ -479,9 +473,6 @@ class FormationAgent(SearchAgent):
     `n_casts`.
 
     State: the rounds, the pilot, the team's wind, its best place, the plume's memory, and what was declared.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_formation_agent.py
     """
 
     now: Round

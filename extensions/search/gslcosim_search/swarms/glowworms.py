@@ -1,6 +1,11 @@
 """Glowworm swarm optimisation: brighter robots attract those who see them; rules for gas and several sources.
 
 Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame [m].
+
+Held by:
+    extensions/search/tests/agents/test_gso.py
+    extensions/search/tests/agents/test_modified_gso.py
+    extensions/search/tests/unit/swarms/test_glowworms.py
 """
 
 import math
@@ -36,8 +41,6 @@ def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float
 
     Source:
         Krishnanand and Ghose 2009, doi:10.1007/s11721-008-0021-5; rho 0.4 and gamma 0.6 remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
     return (1.0 - decay) * luciferin + gain * amount
 
@@ -119,8 +122,6 @@ class OdourGlow:
 
     Source:
         The odour version by the authors' group (abstracts only): decay makes it worse, threshold 1 ppm.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
 
     def __init__(self, *, memory_s: float, threshold: float) -> None:
@@ -174,8 +175,6 @@ def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequenc
 
     Source:
         Zhang et al. 2011 (CCC), modified GSO as described in the thesis on GSL-Bench; R 2 m remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
     return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
 
@@ -190,8 +189,6 @@ class SpiralSearch:
 
     Source:
         Spiral as the first mode of the odour version (abstract only); what it does at walls is ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
 
     def __init__(
@@ -276,9 +273,6 @@ class Glowworm(SwarmRobot):
     `spiral_gap_m` and `wind_floor_m_s`.
 
     State: that of a robot, its luciferin, how far it sees, its spiral, and the side to which it circles.
-
-    Held by:
-        extensions/search/tests/agents/test_gso.py, test_modified_gso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:

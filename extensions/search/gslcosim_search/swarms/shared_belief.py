@@ -3,6 +3,10 @@
 Langevin motion goes downhill on the belief's potential with as much noise as a temperature says. A cold robot goes to
 the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands worse than a hotter one,
 they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_langevin.py
+    extensions/search/tests/unit/swarms/test_shared_belief.py
 """
 
 import math
@@ -66,8 +70,6 @@ class SharedBelief:
         J. Phys. A 42, 434009; remembered, unverified): likelihoods of all are multiplied.
     Deviation:
         Findings weigh less where others were made, for what a room's wind does there is not independent.
-    Held by:
-        extensions/search/tests/unit/swarms/test_shared_belief.py
     """
 
     def __init__(
@@ -198,8 +200,6 @@ def belief_potential(p: Floats) -> Floats:
 
     Source:
         SniffySquad (arXiv 2411.06121), Phi = -log p. The floor is ours: cells of probability 0 have no slope.
-    Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py
     """
     return -np.log(np.maximum(p, LEAST_P))
 
@@ -338,8 +338,6 @@ def swap_roles(
 
     Source:
         Alternating neighbours is common in replica exchange; the paper swaps pairs (i, j) without saying which.
-    Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py
     """
     changed = dict(roles)
     by_heat = sorted(roles, key=lambda name: roles[name])
