@@ -242,15 +242,6 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
                     weight[i, h, j] = value if power[i] == 1.0 else math.exp(log_w)
 
 
-@numba.njit(cache=True, nogil=True)
-def log_k0_each(x):
-    """Return `log_k0` of each number of a flat array."""
-    out = np.empty(x.shape[0])
-    for i in range(x.shape[0]):
-        out[i] = log_k0(x[i])
-    return out
-
-
 Array = NDArray[np.float64]
 
 # The mean in the plane divides by ln(lambda / a): kept away from zero where particles reach no farther than the nose.
@@ -286,45 +277,6 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
         Taylor 1922, doi:10.1112/plms/s2-20.1.196, for times longer than T and small deviations.
     """
     return (speed_m_s * spread_rad) ** 2 * correlation_s
-
-
-def count_outcomes(mean_hits: float) -> int:
-    """Return the number of outcomes of a stop to distinguish: 0, 1, ... hits; the last includes all higher counts.
-
-    n = ceil(mu + sqrt(mu)) + 1        mu mean one cell away from the source
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118, as in their package OTTO (read in code).
-    """
-    return math.ceil(mean_hits + math.sqrt(mean_hits)) + 1
-
-
-def windless_mean_hits(
-    distance_cells: Array, *, dimensions: Literal[1, 2, 3], length_cells: float, intensity: float
-) -> Array:
-    """Return the expected number of hits per step of a searcher on a grid without wind.
-
-    1-D: mu = I 2 L / (2 L - 1) exp(-d / L)    2-D: mu = I K0(d / L) / ln(2 L)    3-D: mu = I / (2 d) exp(-d / L)
-    [1] = [1]; d and L in cells, a detector of half a cell
-
-    Args:
-        distance_cells: Any shape, distance d from the source [cells], > 0.
-        dimensions: 1, 2 or 3.
-        length_cells: How far particles reach L [cells].
-        intensity: Particles released in a step I.
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py (their values)
-    """
-    d = np.asarray(distance_cells, np.float64)
-    if dimensions == 1:
-        return intensity * 2.0 * length_cells / (2.0 * length_cells - 1.0) * np.exp(-d / length_cells)
-    if dimensions == 3:
-        return intensity / (2.0 * d) * np.exp(-d / length_cells)
-    log_k0 = log_k0_each(np.ascontiguousarray(d / length_cells).reshape(-1)).reshape(d.shape)
-    return intensity * np.exp(log_k0) / math.log(2.0 * length_cells)
 
 
 @dataclass(frozen=True, kw_only=True)

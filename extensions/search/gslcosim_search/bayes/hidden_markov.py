@@ -169,77 +169,6 @@ def _trimmed(values, low_i, high_i, low_j, high_j):
 
 
 @numba.njit(cache=True)
-def push_forward(chances, is_solid, first, evidence):
-    """Return the forward variables of the chain, scaled to sum 1 at each time, and the logarithm of what was scaled.
-
-    f_0(i) = p(i) e_0(i);  f_(m+1)(j) = e_(m+1)(j) sum over i of f_m(i) a_ij(m)
-    [1]; p the first distribution, e_m(i) the likelihood of what is observed at time m for a parcel in cell i
-
-    Args:
-        chances: (n_steps or 1, n_x or 1, n_y or 1, 2, 3) chances of hops by step (1: all alike) and cell.
-        is_solid: (n_x, n_y) bool.
-        first: (n_x, n_y) distribution at the first time.
-        evidence: (n_steps + 1, n_x, n_y) likelihoods.
-
-    Returns:
-        (n_steps + 1, n_x, n_y) forward variables, and the logarithm of the likelihood of all that was observed (minus
-        infinity where it is impossible; the variables are then 0 from there on).
-
-    Source:
-        Rabiner 1989, doi:10.1109/5.18626, equations 19 to 21 and the scaling of section V.A.
-    """
-    n_steps = evidence.shape[0] - 1
-    n_x, n_y = is_solid.shape
-    forward = np.zeros((n_steps + 1, n_x, n_y))
-    forward[0] = first * evidence[0]
-    move = np.empty(N_MOVES)
-    log_likelihood = 0.0
-    for m in range(n_steps + 1):
-        total = forward[m].sum()
-        if total <= 0.0:
-            return forward, -np.inf
-        log_likelihood += np.log(total)
-        forward[m] /= total
-        if m == n_steps:
-            break
-        for i in range(n_x):
-            for j in range(n_y):
-                if forward[m, i, j] <= 0.0 or is_solid[i, j]:
-                    continue
-                _moves(_of_step(chances, m), is_solid, i, j, move)
-                for k in range(N_MOVES):
-                    if move[k] > 0.0:
-                        forward[m + 1, i + k // 3 - 1, j + k % 3 - 1] += forward[m, i, j] * move[k]
-        forward[m + 1] *= evidence[m + 1]
-    return forward, log_likelihood
-
-
-@numba.njit(cache=True)
-def pull_back_evidence(chances, is_solid, evidence):
-    """Return the backward variables of the chain, scaled to a maximum of 1 at each time.
-
-    b_n(i) = 1;  b_m(i) = sum over j of a_ij(m) e_(m+1)(j) b_(m+1)(j)        [1]
-
-    Arguments as in `push_forward`.
-
-    Source:
-        Rabiner 1989, doi:10.1109/5.18626, equations 24 and 25.
-    """
-    n_steps = evidence.shape[0] - 1
-    n_x, n_y = is_solid.shape
-    backward = np.zeros((n_steps + 1, n_x, n_y))
-    backward[n_steps] = 1.0
-    move = np.empty(N_MOVES)
-    for m in range(n_steps - 1, -1, -1):
-        later = evidence[m + 1] * backward[m + 1]
-        _pull_step(_of_step(chances, m), is_solid, later, backward[m], move, 0, n_x, 0, n_y)
-        highest = backward[m].max()
-        if highest > 0.0:
-            backward[m] /= highest
-    return backward
-
-
-@numba.njit(cache=True)
 def best_back(chances, is_solid, last, n_steps):
     """Return, for each cell and time, how likely the best single path to `last` is, and its first hop.
 
@@ -387,31 +316,6 @@ def compute_finding_likelihoods(
     with np.errstate(divide="ignore"):
         missed = np.log1p(-detection_probability * chance)
     return chance.mean(axis=0), puffs_per_hop * missed.sum(axis=0)
-
-
-def marginals(plume: ParcelChain, first: Array, evidence: Array) -> tuple[Array, float]:
-    """Return the distribution of one parcel over cells at each time, given all observations, and their likelihood.
-
-    P(cell at m given all) = f_m b_m / sum over cells of f_m b_m
-
-    Args:
-        plume: The chain.
-        first: (nx, ny) distribution of the parcel at the oldest time.
-        evidence: (n_hops + 1, nx, ny) likelihood of what was observed at each time, for a parcel in each cell.
-
-    Returns:
-        (n_hops + 1, nx, ny) probabilities, all 0 where the observations exclude each other; and the logarithm of the
-        observations' likelihood.
-
-    Source:
-        Rabiner 1989, A tutorial on hidden Markov models, doi:10.1109/5.18626, equation 27.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py (against all paths of a tiny grid)
-    """
-    forward, log_likelihood = push_forward(plume.chances, plume.is_solid, first, evidence)
-    both = forward * pull_back_evidence(plume.chances, plume.is_solid, evidence)
-    total = both.sum(axis=(1, 2), keepdims=True)
-    return np.divide(both, total, out=np.zeros_like(both), where=total > 0.0), log_likelihood
 
 
 @dataclass(frozen=True, kw_only=True)

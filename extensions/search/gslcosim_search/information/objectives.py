@@ -401,47 +401,6 @@ def dual_control_cost(
     return exploitation + exploration * (predictions.predictive * predictions.variance_m2).sum(axis=1)
 
 
-def greedy_cost(predictions: Predictions) -> Array:
-    """Return the chance not to find the source with each stop."""
-    return predictions.probability.sum(axis=1)
-
-
-def mean_distance_cost(predictions: Predictions) -> Array:
-    """Return the expected distance along the axes after each stop [m]; a found source has none.
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
-    """
-    return (predictions.probability * predictions.manhattan_m).sum(axis=1)
-
-
-def voting_cost(p: Array, cells_m: Array, here_m: Sequence[float], places_m: Array) -> Array:
-    """Return minus the probability of the places of the source for which a stop lies most nearly in their direction.
-
-    A cell votes for the stops whose direction from here is nearest to its own; ties vote for each.
-
-    Source:
-        Cassandra, Kaelbling, Kurien 1996, as in Loisy and Eloy 2022: there by quadrants, which is the same for steps
-        along the axes.
-    """
-    towards = cells_m - np.asarray(here_m)
-    steps = places_m - np.asarray(here_m)
-    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
-    cosine = towards @ (steps / np.where(lengths > 0.0, lengths, 1.0)).T
-    cosine = np.where(lengths[:, 0] > 0.0, cosine, -np.inf)
-    votes = cosine >= cosine.max(axis=1, keepdims=True) - 1e-9
-    return -(p @ votes)
-
-
-def most_likely_state_cost(p: Array, cells_m: Array, places_m: Array) -> Array:
-    """Return the distance along the axes of each stop from the most probable cell [m].
-
-    Source:
-        Cassandra, Kaelbling, Kurien 1996.
-    """
-    return np.abs(places_m - cells_m[int(p.argmax())]).sum(axis=1)
-
-
 # Costs are 0 for a sure find, and may be 0 elsewhere too.
 def _with_sure_finds_first(costs: Array, predictions: Predictions) -> Array:
     return np.where(predictions.found_frac > 1.0 - SAME_COST, costs - 1.0, costs)

@@ -76,15 +76,6 @@ def ring(n: int, radius_m: float, *, with_centre: bool = False, first_rad: float
     return np.vstack((np.zeros((1, 2)), around)) if with_centre else around
 
 
-def square_with_centre(radius_m: float) -> Floats:
-    """Return the (5, 2) slots of a square with its centre, sides along and across the wind, corners `radius_m` away.
-
-    Source:
-        Soares, Aguiar, Pascoal, Martinoli 2015 (shape named; measures ours).
-    """
-    return ring(5, radius_m, with_centre=True, first_rad=math.pi / 4.0)
-
-
 def hexagon(radius_m: float, *, with_centre: bool = True) -> Floats:
     """Return the (7, 2) or (6, 2) slots of a hexagon: all neighbours are `radius_m` apart.
 

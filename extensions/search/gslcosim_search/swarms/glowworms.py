@@ -25,7 +25,6 @@ from gslcosim_search.swarms.swarm_robot import LOST_AFTER_S, SwarmRobot
 
 Vector = NDArray[np.float64]
 N_DRAWS = 10
-_LEAST_M = 1e-9
 
 
 def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float) -> float:
@@ -81,16 +80,6 @@ def attraction(luciferin: float, brighter_luciferin: Vector) -> Vector:
 def choose_by_probability(probabilities: Vector, draw: float) -> int:
     """Return the index that a random number in [0, 1) falls on, each with its probability."""
     return min(int(np.searchsorted(np.cumsum(probabilities), draw, side="right")), len(probabilities) - 1)
-
-
-def step_towards(place_m: Vector, goal_m: Vector, step_m: float) -> Vector:
-    """Return the place after a step of fixed length to another; it may pass it, as in the paper.
-
-    x' = x + s (x_j - x) / |x_j - x|        [m] = [m] + [m]
-    """
-    way_m = goal_m - place_m
-    distance_m = float(np.linalg.norm(way_m))
-    return place_m + way_m * (step_m / distance_m) if distance_m > _LEAST_M else place_m.copy()
 
 
 def next_radius_m(radius_m: float, n_neighbours: int, *, wanted: int, gain_m: float, sight_m: float) -> float:
