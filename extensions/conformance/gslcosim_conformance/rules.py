@@ -167,7 +167,6 @@ def build_findings(
 
     Args:
         transport: The agent's transport; rules of other transports do not apply.
-        failures: The breaks by rule.
         unjudged: Why a rule was not judged, by rule; a break goes first.
         notes: Worth knowing about a rule that was kept.
         beyond: Why a rule cannot be judged on this machine at all, by rule.

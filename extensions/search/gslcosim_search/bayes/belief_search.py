@@ -87,7 +87,6 @@ def choose_goal(
 
     Args:
         worth: w, of the grid's shape.
-        grid: The cells.
         goals: Cells that may be a goal; at least one.
         here_m: Where the vehicle is, x, world frame [m].
         near_m: n [m]; infinite: the way does not count.
@@ -124,7 +123,6 @@ class GoalNavigator:
 
         Args:
             flights: Gives cells, ways and the pilot.
-            step_m: Longest leg [m].
             radius_m: After a refusal no cell within so far of the goal is a goal again [m].
         """
         self.flights = flights
@@ -321,7 +319,6 @@ class BeliefAgent(SearchAgent):
         """Return the next step: along the plume or upwind soon after gas, else towards the best goal.
 
         Args:
-            observation: The question.
             chance: Chance to detect gas of a source at each offset, on `plan_grid`; see `expected_information_bits`.
             trace_m: Where to go soon after gas, in place of a step upwind.
         """

@@ -109,7 +109,6 @@ def pull_back(chances, is_solid, last, n_steps):
         chances: (n_steps or 1, n_x or 1, n_y or 1, 2, 3) chances of hops by step (1: all alike) and cell.
         is_solid: (n_x, n_y) bool; parcels do not enter, and do not slip between two solid cells that touch in a corner.
         last: (n_x, n_y) what is observed at the last time: 1 in the sensor's cell, 0 elsewhere.
-        n_steps: Number of steps back.
 
     Returns:
         (n_steps + 1, n_x, n_y), the last time at the end.
@@ -261,10 +260,8 @@ def build_chain_in_uniform_wind(
     """Return the chain in a wind that changes in time and is the same everywhere.
 
     Args:
-        grid: The cells, in the plane.
         is_solid: Cells that no parcel enters, of the grid's shape.
         winds_m_s: (n_steps, 2) wind of each step, the oldest first, world frame [m/s].
-        step_s: Length of a step [s].
         spread_m_sqrt_s: Spread of parcels on each axis [m / sqrt(s)].
     """
     fastest_m_s = float(np.abs(winds_m_s).max(initial=0.0))
@@ -280,7 +277,6 @@ def build_chain_in_wind_field(
     """Return the chain in a steady wind that differs from cell to cell.
 
     Args:
-        grid: The cells, in the plane.
         is_solid: Cells that no parcel enters, of the grid's shape.
         field_m_s: (nx, ny, 2) wind of each cell, world frame [m/s].
         window_s: How far back the chain goes [s].
@@ -334,7 +330,6 @@ def likeliest_path(plume: ParcelChain, sensor: Cell, source: Array) -> PlumePath
     The parcel may have left at any hop of the window but the last; of equally good ways the one that left last.
 
     Args:
-        plume: The chain.
         sensor: The sensor's cell.
         source: (nx, ny) probability of each cell to hold the source.
 

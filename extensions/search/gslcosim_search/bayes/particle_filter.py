@@ -175,7 +175,6 @@ class ParticleCloud:
         Each picks one of the puffs by chance and lies V(m) upwind of the sensor, give or take the puff's deviation.
 
         Args:
-            sensor_m: Place of the detection, world frame [m].
             travelled_m: (n_puffs, 2) displacements V(m), world frame [m].
             variance_m2: (n_puffs, 2) their variances, by axis [m2].
             share: With 1 all particles; with less so many of the living are replaced, drawn by chance, and the newborn
@@ -287,8 +286,6 @@ def update_particles(
     """Update a cloud by one finding; a cloud without particles stays without.
 
     Args:
-        cloud: The particles.
-        sensor_m: Place of the measurement, world frame [m].
         travelled_m: (n_puffs, 2) displacements of puffs, world frame [m].
         variance_m2: (n_puffs, 2) their variances, by axis [m2].
         is_hit: Whether gas was detected.

@@ -55,7 +55,6 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
 
     Args:
         low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
-        cell_m: Edge of the square cells [m].
         n_x: Number of cells along x.
         n_y: Number of cells along y.
         sensor_m: (2,) place x of the measurement, world frame [m].
@@ -111,10 +110,8 @@ def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
 
     Args:
         sensor_m: (2,) place x of the measurement, world frame [m].
-        n_steps: Number of steps backward.
         step_s: Length of a step dt [s].
         low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
-        cell_m: Edge of the square cells [m].
         wind_m_s: (n_x, n_y, 2) wind at the centres of the cells, world frame [m/s].
 
     Returns:
@@ -211,7 +208,6 @@ def displacements_m(
     Args:
         record: The wind so far, over at least the window, in steps of the model's length.
         model: Gives step and window.
-        sensor_m: Place of the measurement, world frame [m].
         field: Without it the wind is the same everywhere, as in the paper, and was the mean one before it is known.
             With it puffs are traced back through this field.
     """
@@ -240,7 +236,6 @@ class SourceMap:
         """Begin with equal probabilities.
 
         Args:
-            grid: The cells, in the plane.
             free: Which cells may hold the source; without it all of them.
             floor_frac: The floor f.
         """
@@ -289,7 +284,6 @@ def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequen
     Args:
         model: How puffs spread, and how surely they are detected.
         travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps [m].
-        cell_m: Edge of the cells [m].
         shape: (nx, ny) of the grid in which the sensor may be anywhere.
 
     Returns:
@@ -312,9 +306,7 @@ def update(
     """Update a map by one measurement.
 
     Args:
-        source_map: The map.
         model: How puffs spread, and how surely they are detected.
-        sensor_m: Place of the measurement, world frame [m].
         travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps; see `displacements_m`.
         is_hit: Whether gas was detected.
     """

@@ -385,9 +385,6 @@ class SourceTermFilter:
 
         Args:
             prior: What is believed before any reading.
-            model: Plume and sensor.
-            n_particles: How many.
-            rng: For particles and moves.
             n_moves: How many steps particles propose after they were drawn again.
         """
         self.model = model
@@ -416,7 +413,6 @@ class SourceTermFilter:
         """Take a reading, and draw particles again where too few count.
 
         Args:
-            place_m: Where it was taken, world frame [m].
             ppm: The reading; at most the threshold where nothing was detected.
             speed_m_s: Wind speed there; 1: the term `speed` is the speed itself.
             direction_rad: Direction the wind goes to there; 0: the term `direction_rad` is the direction itself.

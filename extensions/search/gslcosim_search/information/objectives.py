@@ -312,7 +312,6 @@ def space_aware_cost(predictions: Predictions, *, step_m: float, cells_per_step:
 
     Args:
         predict: Of the stops.
-        step_m: Length of a step [m].
         cells_per_step: How many cells of the belief a square or cube of a step's size has: entropy is less by the
             logarithm of that, and at least 0.
 
@@ -386,7 +385,6 @@ def dual_control_cost(
     Args:
         predict: Of the stops.
         places_m: (m, d) the stops x [m].
-        mean_m: Mean of the belief of now [m].
         exploration: b; 0 goes straight to the estimate.
 
     Source:
@@ -434,7 +432,6 @@ def n_step_costs(p: Array, tree: MoveTree, *, depth: int, discount: float = 0.99
 
     Args:
         p: Belief, flat.
-        tree: Where steps lead.
         depth: Number of steps n, at least 1.
         discount: What a gain one step later counts.
 

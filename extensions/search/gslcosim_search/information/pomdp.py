@@ -297,9 +297,6 @@ def update_belief(belief: Floats, problem: Pomdp, action: int, level: int) -> tu
 
     Args:
         belief: (n_states,) probability of each state, sum 1.
-        problem: The problem.
-        action: The action.
-        level: The observation.
 
     Returns:
         belief: (n_states,), sum 1; all 0 when the observation was impossible.
@@ -321,7 +318,6 @@ def backup_at_belief(belief: Floats, problem: Pomdp, vectors: Floats) -> tuple[F
 
     Args:
         belief: (n_states,) p.
-        problem: The problem.
         vectors: (n_vectors, n_states) linear functions whose greatest is the value so far.
 
     Returns:
@@ -361,7 +357,6 @@ def improve_by_perseus(
     that is better.
 
     Args:
-        problem: The problem.
         beliefs: (n_beliefs, n_states) where the value is to be improved.
         vectors: (n_vectors, n_states) so far: a lower bound of the value.
         actions: (n_vectors,) the action of each.
@@ -403,12 +398,9 @@ def sample_beliefs(
     """Return beliefs that a searcher meets which mostly takes the action of the greatest expected Q.
 
     Args:
-        problem: The problem.
         start_of: Draws the belief with which a search begins, sum 1.
         q: (n_actions, n_states) of `solve_by_value_iteration`.
         rng: Draws states, observations and random moves.
-        n_beliefs: How many to return.
-        n_steps: The longest search.
         exploring_frac: Share of random moves.
 
     Returns:

@@ -22,7 +22,6 @@ def match_observations(policy: Policy, offered: Sequence[str]) -> list[int]:
     that tells a number of this kind, `nose.amount` for example that of a PID with the name `pid`.
 
     Args:
-        policy: The policy.
         offered: `ObservationVector.names` of the agent.
 
     Raises:
@@ -124,11 +123,7 @@ def load_policy_beside(briefing: Briefing, program: str) -> Policy:
 
 
 def bundled_policies(agents: Path) -> dict[str, Path]:
-    """Return the files of policies that stand beside bundled agents, by the agents' names.
-
-    Args:
-        agents: The folder of the agents.
-    """
+    """Return the files of policies that stand beside bundled agents, by the agents' names."""
     return {path.parent.name: path for path in sorted(agents.glob(f"*/{POLICY_FILE}"))}
 
 
@@ -137,7 +132,6 @@ def find_policy(name: str, agents: Path) -> Policy:
 
     Args:
         name: The name, or the path of a `.npz` or `.onnx` file.
-        agents: The folder of the agents.
 
     Raises:
         PolicyError: there is none, or it cannot be read.

@@ -32,7 +32,6 @@ def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> No
 
     Args:
         path: The file, `.npz`; a reader sees the old one or the new one, never a part.
-        policy: The policy.
         card: Plain values under names of their own.
 
     Raises:
@@ -151,7 +150,6 @@ def save_parameters(
 
     Args:
         folder: Where; it is there.
-        method: Name of the method.
         parameters: As scenarios take them.
         card: Plain values: data, seeds, budget, versions, the command.
     """

@@ -189,8 +189,6 @@ class GrGsl(GoalCells):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
-            settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
         self.settings = settings or GrGslSettings()

@@ -54,7 +54,6 @@ def transport_band(numbers, n_free, width, wind_m_s, diffusivity_m2_s, loss_per_
 
     Args:
         numbers: (nx, ny) int64, number of each free cell, -1 in solid ones.
-        n_free: How many free cells there are.
         width: Half the width of the band: no two neighbours' numbers differ by more.
         wind_m_s: (nx, ny, 2) wind at the cell centres, world frame [m/s].
         diffusivity_m2_s: Eddy diffusivity D [m2/s], > 0.
@@ -124,9 +123,7 @@ class BackwardPlume:
 
         Args:
             free: (nx, ny) whether a cell is free.
-            cell_m: Edge of the cells [m].
             wind_m_s: (nx, ny, 2) wind at the cell centres, world frame [m/s].
-            model: The nominal plume.
         """
         self._free, self._puffs = free, model.puffs_per_s * cell_m**2
         self._numbers = _numbered(free)
@@ -143,9 +140,6 @@ class BackwardPlume:
 
     def shares(self, cells: Sequence[Sequence[int]]) -> Array:
         """Return (n_cells, n_free) the share of the time with gas in each of some cells, by source.
-
-        Args:
-            cells: Free cells.
 
         Returns:
             Sources in the order of `array[free]`, C order of the free cells.
@@ -252,7 +246,6 @@ def trust_inplace(omega, length, order, sigma):
         omega: (nx ny,) sums so far; modified.
         length: (nx ny,) lengths of the shortest paths from the cell of the measurement [units].
         order: (n_reached,) cells, nearest first.
-        sigma: Reach of a measurement [cells].
 
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS) [C].
@@ -394,8 +387,6 @@ class Pmfs(GoalCells):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
-            settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
         self.settings = settings or PmfsSettings()

@@ -71,15 +71,12 @@ def simulate_hit_shares(
         low_j: See `low_i`.
         n_i: Number of its cells along x; so is `n_j` along y.
         n_j: See `n_i`.
-        n_released: Filaments of each step.
         step_s: dt [s].
         noise_cells_s: sigma [cells/s], of each component.
         n_warm_up: Maximum number of steps of warming up.
-        n_recorded: Number of recorded steps.
         is_open: Whether filaments leave through the edges of the grid; otherwise edges are walls.
         normals: (n, 2) standard normal numbers, gone through in a circle.
         fractions: (n, 2) numbers uniform in [0, 1), of starts.
-        first: Index of the first of them.
 
     Returns:
         (nx, ny) shares, and the index after the last number used.
@@ -233,9 +230,7 @@ class PublishedPmfs(Pmfs):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
             settings: Figures of the hit map, of trust and of motion; those of the backward plume do not count.
-            filaments: Figures of the simulations.
             draws: Where random numbers of the simulations come from.
             flyable: Those of the free cells that the robot can be sent to; absent: all.
         """

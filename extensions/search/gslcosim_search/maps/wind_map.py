@@ -221,7 +221,6 @@ class WindMap:
 
         Args:
             free: (nx, ny) whether a cell is free.
-            grid: The cells.
             weights: How much each term counts.
             edges: Whether the edges of the grid are walls, or whether the wind passes them.
         """

@@ -34,7 +34,6 @@ class CoverageGrid:
 
         Args:
             room: Where legs may end; it is cut into equal rectangles that are no longer than the edge.
-            edge_m: Greatest edge of a square [m].
             along_weight: k, how much farther a way along the wind counts.
         """
         self._columns_m = _middles(room.min_m[0], room.max_m[0], edge_m)
@@ -63,7 +62,6 @@ class CoverageGrid:
         """Return the centre of the next square to visit, world frame [m].
 
         Args:
-            here_m: Where the vehicle is [m].
             upwind_rad: Where the wind comes from; absent: as if from x [rad].
         """
         if not self._unseen:
@@ -100,7 +98,6 @@ def lawnmower_path_m(room: LegSpace, spacing_m: float, start_m: Sequence[float])
     Args:
         room: Its margin is left out.
         spacing_m: Distance of neighbouring lanes at most [m].
-        start_m: Where the vehicle is [m].
 
     Source:
         Textbook (boustrophedon path of a rectangle).

@@ -447,9 +447,7 @@ class ReactiveDeclarer:
         """Begin with nothing declared.
 
         Args:
-            nose: Whose readings.
             height_m: Where the source is said to be, for a method in the plane [m].
-            is_on: Whether to declare at all.
             apart_m: Questions no farther apart than this are asked at one stop [m].
             mission_declarer: The rules for missions that ask for a declaration; absent: none.
         """
@@ -471,7 +469,6 @@ class ReactiveDeclarer:
         """Take note of a stop; return the declaration that answers the question, if there is one.
 
         Args:
-            observation: The question.
             value: The reading of this stop, in the nose's unit; absent while the sensor warms up.
             upwind_rad: The direction the wind comes from [rad]; absent without a vane or in calm air.
             is_planar: Whether the method searches at one height.
@@ -583,7 +580,6 @@ def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radiu
         positions_m: (n_particles, d) places, world frame [m].
         weights: (n_particles,) none negative; need not sum to 1.
         limit_m: 0.4 m in AutoSTE, 0.5 m in the MAPIR group's particle filter [C].
-        radius_m: For the confidence [m].
     """
     share = beliefs.normalised(weights)
     mean_m = share @ positions_m

@@ -204,7 +204,6 @@ def mark_clear_cells(free, clearance_cells):
 
     Args:
         free: (nx, ny, nz) bool, whether a cell is free; index order ij. What lies outside the grid is no obstacle.
-        clearance_cells: What is to be kept [cells].
 
     Returns:
         (nx, ny, nz) bool.
@@ -323,9 +322,7 @@ def shortest_path(free: Free, grid: CellGrid, start_m: Point, goal_m: Point) -> 
 
     Args:
         free: Cells that the way may pass, of the grid's shape; see `inflate_obstacles`.
-        grid: The cells.
         start_m: Where the way begins, world frame [m].
-        goal_m: Where it leads [m].
     """
     field = path_field(free, grid, start_m)
     last = nearest_free(free, grid, goal_m)

@@ -73,7 +73,6 @@ def build_obstacles(known_map: KnownMap, *, height_m: float | None = None, clear
     """Return the solid cells of a map, inflated by a clearance.
 
     Args:
-        known_map: The map of the briefing.
         height_m: Cut a map with three axes at this height [m].
         clearance_m: Cells whose centres are no farther from a solid cell's centre than this are solid too [m].
     """
@@ -172,8 +171,6 @@ def leg_end(
     Args:
         start_m: Where it begins, x, y and what follows, world frame [m].
         heading_rad: Counter-clockwise from +x [rad].
-        length_m: Its horizontal length [m].
-        room: Where it may end.
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
     """
     dimensions = 2 if climb_m is None else 3
@@ -226,7 +223,6 @@ def find_free_heading(
         start_m: Where the leg begins, world frame [m].
         headings_rad: What to try, in this order [rad].
         length_m: The leg's length [m].
-        room: Where it may end.
         refused_m: An end that was refused: a leg to the same place is not tried again.
     """
     for heading_rad in headings_rad:
@@ -364,7 +360,6 @@ class LegPlanner:
         """Return the command for a leg to a place, or as near to it as can be flown.
 
         Args:
-            observation: The question.
             target_m: Where to go, world frame [m]; a third coordinate is left out.
             z_m: At which height [m]; absent: the search height.
             hold_s: How long to hold there [s]; absent: the briefing's time.

@@ -42,7 +42,6 @@ class KnownPaths:
         """Prepare the map.
 
         Args:
-            briefing: With the map, where one was granted.
             clearance_m: How far ways keep from what is solid [m].
         """
         self._bounds = briefing.bounds
@@ -57,7 +56,6 @@ class KnownPaths:
         A map in the plane holds at the height of the start: the way changes its height at its end.
 
         Args:
-            start_m: Where the vehicle is [m].
             goal_m: Where it wants to go [m].
             margin_m: The way ends this far inside the room's bounds, or nearer to its middle [m]; absent: it ends at
                 the height of the start.
@@ -198,7 +196,6 @@ class MapNavigator:
         On bends the vehicle does not hold. A goal at which no vehicle can be is replaced by the nearest place that is.
 
         Args:
-            observation: The question.
             at_most_m: A longer way is flown so far only [m].
             hold_s: How long to hold at the goal [s]; absent: the briefing's time.
         """

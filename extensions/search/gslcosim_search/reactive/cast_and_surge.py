@@ -137,7 +137,6 @@ def find_side(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: f
     It tells on which side gas was seen to vanish: a vehicle that left the plume at its left edge finds it to its right.
 
     Args:
-        place_m: The place, world frame [m].
         anchor_m: A place on the line, world frame [m].
         upwind_rad: Direction of the line [rad].
     """
@@ -205,7 +204,6 @@ def surge_end_m(
     Args:
         here_m: Where the vehicle is, world frame [m]; a height is left out.
         gas_m: Where gas was met on the last leg; absent: straight upwind [m].
-        upwind_rad: Where the wind comes from [rad].
         step_m: L, how far upwind [m].
     """
     along_x, along_y = math.cos(upwind_rad), math.sin(upwind_rad)

@@ -70,8 +70,6 @@ class PlumeTrackingAgent(ReactiveAgent):
         """Return a leg along the plume.
 
         Args:
-            observation: The question.
-            contact: What is known at it.
             is_regained: Whether there is gas now and the plume was not tracked before.
         """
 

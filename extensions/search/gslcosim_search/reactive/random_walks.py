@@ -35,8 +35,6 @@ class RunAndTumble:
 
         Args:
             room: Where legs may end.
-            draws: Where directions come from.
-            leg_m: Horizontal length of a leg [m].
             most_climb_m: How much higher or lower a leg may end [m]; absent: legs stay in the plane.
         """
         self._room, self._draws = room, draws
@@ -47,7 +45,6 @@ class RunAndTumble:
         """Return the end of the next leg, world frame [m]: x and y, and z for a walk in 3-D.
 
         Args:
-            start_m: Where the vehicle is [m].
             keeps: Whether to keep the direction, if that is possible.
             turn_rad: By how much to turn where it is kept [rad].
         """

@@ -174,7 +174,6 @@ class ReactiveAgent(SearchAgent):
         """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
 
         Args:
-            observation: The question.
             contact: What is known at it; where gas was met last counts.
             upwind_rad: The wind against which the plume was followed [rad].
         """
@@ -205,7 +204,6 @@ class ReactiveAgent(SearchAgent):
         Places behind a wall, to which no leg leads, are left out; a refused one is not tried again.
 
         Args:
-            observation: The question.
             next_place_m: Gives the next place, world frame [m], or nothing.
         """
         while (place_m := next_place_m()) is not None:

@@ -44,7 +44,6 @@ class Sidestep:
         """Take note of whether the last velocity was refused.
 
         Args:
-            time_s: Now [s].
             is_refused: Whether the vehicle did not do as it was asked.
         """
         if is_refused:
@@ -120,7 +119,6 @@ class TrueWind:
         """Begin without a wind.
 
         Args:
-            vane: The anemometer.
             smoothing_s: Time constant tau [s].
             threshold_m_s: A wind no faster than this has no direction [m/s].
         """

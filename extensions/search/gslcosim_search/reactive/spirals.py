@@ -147,7 +147,6 @@ class SquareSpiral:
 
         Args:
             side_m: Length of the first leg [m].
-            growth_m: What the legs grow by [m].
             heading_rad: Direction of the first leg, world frame [rad].
             side: +1 turns to the left after each leg, -1 to the right.
             legs_per_growth: After how many legs they grow.
@@ -208,8 +207,6 @@ class SpiralPath:
         """Begin at the centre.
 
         Args:
-            spiral: The spiral to fly.
-            centre_m: Where its centre is, world frame [m].
             is_free: Whether a place [m] can be flown to.
             n_skips: How many blocked places in a row are left out.
         """

@@ -41,7 +41,6 @@ def memory_features(amounts: Floats, n: int, noise: float) -> tuple[float, float
 
     Args:
         amounts: (>= n,) the memory first; what follows is not looked at.
-        n: Length of the memory.
         noise: Amounts up to this are no gas.
 
     Source:

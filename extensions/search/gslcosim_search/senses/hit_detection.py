@@ -28,7 +28,6 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
 
     Args:
         amount: The reading now, as `Nose.amount` gives it.
-        before: The reading to compare with.
         eps: Dead band, fraction of the reading.
         floor: What clean air shows at most; below it nothing counts as more.
 
@@ -398,7 +397,6 @@ class GasEvidence:
         """Begin without findings.
 
         Args:
-            nose: The gas sensor.
             every_s: How long a span is [s]; findings closer together are hardly independent.
             threshold_ppm: What counts as gas, for sensors in ppm.
             level: Fall of ln R that counts as gas shown, for sensors in ohms.

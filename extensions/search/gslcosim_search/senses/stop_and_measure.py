@@ -202,7 +202,6 @@ class GasIncrease:
         """Begin without a reading to compare with.
 
         Args:
-            nose: Whose readings.
             eps: Dead band, see `is_more_gas`.
             is_mean: Whether a reading is the mean over the hold, or the last one of it.
         """

@@ -67,8 +67,6 @@ def classify_colours(pixels: Pixels, *, least_saturation: float = 0.3, least_val
 
     Args:
         pixels: (height, width, 3) uint8.
-        least_saturation: Less is grey.
-        least_value: Less is black.
 
     Source:
         Smith 1978, Color gamut transform pairs, doi:10.1145/965139.807361.
@@ -123,7 +121,6 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     [1] = [px] / [px]
 
     Args:
-        image: The picture, with its calibration.
         view: Where the vehicle was; roll and pitch are left out.
         points_px: (n, 2) points (u, v), right and down from the upper left corner [px].
 
@@ -148,8 +145,6 @@ def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, fl
     [m] = [m] + [m]
 
     Args:
-        image: The picture.
-        view: Where the vehicle was.
         points_px: (n, 2) points (u, v) [px].
         floor_m: Height of the level, world frame [m].
 
@@ -176,9 +171,6 @@ def seen_objects(
     farther away than `farthest_m`, where a pixel's error is metres.
 
     Args:
-        image: The picture.
-        view: Where the vehicle was when it was taken.
-        floor_m: Height of the floor, world frame [m].
         farthest_m: Greatest distance that is believed [m].
         least_pixels: Smaller patches of colour are left out.
     """
@@ -247,8 +239,6 @@ def prior_from_objects(
     The result is scaled to sum 1. Multiply any belief by it, once: what is seen again is no new evidence.
 
     Args:
-        grid: Cells in the plane.
-        objects: What was seen.
         odds: o by label; above 1 likely, below 1 unlikely.
         spread_m: How far from its feet a thing may leak [m]: its size, and the error of the projection.
         other_odds: o of labels that are not named.

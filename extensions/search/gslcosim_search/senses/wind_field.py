@@ -110,7 +110,6 @@ class WindField:
         """Begin in calm air.
 
         Args:
-            grid: Cells in the plane.
             reach_m: Distance r over which a measurement holds [m].
             mean_weight: Weight w0 of the mean wind, > 0.
             memory_s: How long measurements count [s].

@@ -159,7 +159,6 @@ def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats
     Args:
         positions_m: (n, 2) places, world frame [m].
         flux: (n, 2) F = c W at these places [ppm m/s].
-        reach_m: Who counts as a neighbour [m].
 
     Returns:
         The divergences; NaN where the neighbours do not span a plane.
@@ -223,7 +222,6 @@ class OutflowRule:
         Args:
             least_frac: The part of the outflow that must come from inside.
             least_flow: Net flow below which nothing is said [ppm m^2/s].
-            n_rounds: Rounds running.
         """
         self._least_frac, self._least_flow, self._n_rounds = least_frac, least_flow, n_rounds
         self._centres_m: list[tuple[float, float]] = []

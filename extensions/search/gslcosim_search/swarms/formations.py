@@ -66,7 +66,6 @@ def ring(n: int, radius_m: float, *, with_centre: bool = False, first_rad: float
 
     Args:
         n: Robots, the one in the centre among them.
-        radius_m: Radius of the circle [m].
         with_centre: Whether one robot stands in the middle.
         first_rad: Direction of the first place on the circle, counter-clockwise from upwind [rad].
     """
@@ -95,8 +94,6 @@ def formation(shape: str, n: int, size_m: float) -> Floats:
         shape: `line` and `inverted_v` have a spacing of `size_m`; `ring`, `square` and `hexagon` a radius of
             `size_m`. A square or a hexagon is what it is called for 5 (or 4) and for 7 (or 6) robots; with other
             numbers it is a ring, from five robots on with one of them in the centre.
-        n: Robots.
-        size_m: Spacing or radius [m].
 
     Raises:
         ValueError: no such shape.
@@ -252,7 +249,6 @@ def laplacian_velocity_m_s(
     all stand in their places every robot moves with it.
 
     Args:
-        i: Which robot.
         positions_m: (n, 2) places of it and the robots that it hears, p, world frame [m].
         offsets_m: (n, 2) slots of the same robots in world axes, b [m].
         upwind_rad: Direction the wind comes from; u is its unit vector, w the one to the left of it [rad].
@@ -318,8 +314,6 @@ def next_width(
         slots_m: (n, 2) slots in the frame of the formation; the edges are the greatest and the least y [m].
         smells: (n,) who smells gas.
         change_frac: Step q of one change.
-        least: Least factor.
-        most: Greatest factor.
 
     Source:
         Soares, Aguiar, Pascoal, Martinoli 2015 (abstract; step and limits ours).
@@ -348,7 +342,6 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     `lane_m`: n = ceil(L / lane), L / n apart and L / (2 n) from the walls.
 
     Args:
-        room: Where the lanes lie.
         upwind_rad: Direction the wind comes from, world frame [rad].
         lane_m: How wide a lane is at most [m].
         inset_m: How far before the room's sides the lanes turn [m]; at most to the middle.
@@ -395,7 +388,6 @@ def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, ste
 
     Args:
         lanes_m: (m, 2) turns [m].
-        place_m: Where the team is [m].
         step_m: How far along the lanes [m].
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
@@ -427,8 +419,6 @@ class PlumeMemory:
 
         Args:
             lanes_m: (m, 2) turns of the lanes [m].
-            step_m: Step along the lanes [m].
-            cast_m: First leg of a cast [m].
             n_casts: Legs of a cast before the lanes are taken up again; 0 for none.
         """
         self._lanes_m, self._step_m, self._cast_m, self._n_casts = lanes_m, step_m, cast_m, n_casts
@@ -566,7 +556,6 @@ class FormationAgent(SearchAgent):
         """Return the formation's centre (2,) [m], by where the robots of a round are and where they belong.
 
         Args:
-            now: The round.
             offsets_m: (n_members, 2) slots in world axes, by sorted names [m].
         """
         return centre_m(now.positions_m, offsets_m[self.slots_of(now)])

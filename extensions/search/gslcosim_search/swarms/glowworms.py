@@ -192,10 +192,7 @@ class SpiralSearch:
         """Begin without a spiral.
 
         Args:
-            room: Where it may lead.
-            draws: Random numbers.
             gap_m: Distance between its turns [m].
-            leg_m: Longest step [m].
             is_left_out: Which places (x, y) are not worth to be searched.
         """
         self._room, self._draws, self._is_left_out = room, draws, is_left_out

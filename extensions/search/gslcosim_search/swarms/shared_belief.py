@@ -86,9 +86,7 @@ class SharedBelief:
         """Begin with an even belief over free cells.
 
         Args:
-            grid: The cells, in the plane.
             free: (nx, ny) which of them the source may be in.
-            dispersal: What is supposed of the plume.
             floor: Least probability of an outcome.
             power: Tempering of the first finding at a place.
             near_m: Findings so close together are at one place [m].
@@ -167,7 +165,6 @@ def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> 
 
     Args:
         p: Belief, flat.
-        own: Stops to choose from.
         planned: Of each other robot the one stop that it has chosen.
 
     Returns:
@@ -212,7 +209,6 @@ def potential_slope(potential: Floats, grid: CellGrid, point_m: Sequence[float])
 
     Args:
         potential: (nx, ny) potential at the centres of the cells.
-        grid: The cells.
         point_m: The place; that of the nearest cell is taken, world frame [m].
 
     Source:
@@ -245,7 +241,6 @@ def langevin_step_m(
         noise: (2,) standard normal numbers xi.
         temperature: tau; 0 goes straight downhill.
         mobility_m2: eta [m^2].
-        longest_m: Longest drift of a step [m].
 
     Source:
         SniffySquad (arXiv 2411.06121): x <- x - eta grad Phi + sqrt(2 eta tau) xi, drift capped at the maximal speed.
@@ -272,7 +267,6 @@ def swap_probability(tau_i: float, tau_j: float, phi_i: float, phi_j: float, *, 
     Args:
         tau_i: Temperature of one, > 0.
         tau_j: Of the other, > 0.
-        phi_i: Potential at the place of the one.
         phi_j: Of the other.
         attempt: a, how often a swap is tried at all.
 
