@@ -1,8 +1,8 @@
 """Agent that runs a learned policy."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -93,33 +93,21 @@ class PolicyRunner:
 
 
 class PolicyAgent(Agent):
-    """An agent whose policy is a file."""
+    """An agent whose policy is a file: beside its `program` (`__file__`), which has its card beside it, too."""
+
+    program: ClassVar[str]
 
     def __init__(self, briefing: Briefing) -> None:
         self.pilot = PolicyRunner(briefing, self.policy_of(briefing))
 
-    @abstractmethod
     def policy_of(self, briefing: Briefing) -> Policy:
-        """Return the policy that is to be flown."""
+        """Return the policy of the file beside the program."""
+        load_settings(briefing, self.program)
+        return load_policy(Path(self.program).with_name(POLICY_FILE))
 
     def decide(self, observation: Observation) -> Command:
         """Return the command that the policy chooses."""
         return self.pilot.decide(observation)
-
-
-def load_policy_beside(briefing: Briefing, program: str) -> Policy:
-    """Return the policy of the file beside a bundled agent's program.
-
-    Args:
-        briefing: The agent's briefing.
-        program: The agent's file (`__file__`), with its card beside it.
-
-    Raises:
-        MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
-        PolicyError: the file cannot be read.
-    """
-    load_settings(briefing, program)
-    return load_policy(Path(program).with_name(POLICY_FILE))
 
 
 def bundled_policies(agents: Path) -> dict[str, Path]:
