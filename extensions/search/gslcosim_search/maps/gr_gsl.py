@@ -9,8 +9,7 @@ Held by:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -149,11 +148,6 @@ class GrGslSettings:
     sigma_miss_rad: float = 2.0
     reach_cells: float = 5.0
     candidates: int = 60
-
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> "GrGslSettings":
-        """Return the figures that go by these names in the settings of a method's card."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
 
 
 class GrGsl(GoalCells):

@@ -9,8 +9,7 @@ Held by:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from types import SimpleNamespace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numba
@@ -315,7 +314,7 @@ _VIEW_CELLS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PmfsSettings:
+class PmfsSettings(PlumeModel):
     """Figures of PMFS; lengths in cells.
 
     Hit map: `prior`, `hit_target` and `miss_target` are probabilities; `kernel_cells` and `stretch_s_m` its reach.
@@ -339,19 +338,6 @@ class PmfsSettings:
     candidates: int = 100
     explore_frac: float = 0.1
     explore_first: int = 5
-    plume: PlumeModel = field(default_factory=PlumeModel)
-
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> "PmfsSettings":
-        """Return the figures that go by these names in the settings of a method's card."""
-        names = [item.name for item in fields(cls) if item.name != "plume"]
-        plume = PlumeModel(**{item.name: getattr(settings, item.name) for item in fields(PlumeModel)})
-        return cls(plume=plume, **{name: getattr(settings, name) for name in names})
-
-    @classmethod
-    def of_hit_map(cls, settings: SimpleNamespace) -> "PmfsSettings":
-        """Return the figures that go by these names, of a method that has no backward plume; others are as usual."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls) if hasattr(settings, item.name)})
 
 
 class Pmfs(GoalCells):
@@ -423,13 +409,17 @@ class Pmfs(GoalCells):
         if self.bounds_log_odds:
             self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
 
+    def is_update_due(self, *, has_findings: bool) -> bool:
+        """Return whether sources are to be scored at a stop: wherever something was found out."""
+        return has_findings
+
     def score(self, wind_m_s: Array) -> None:
         """Believe again, in a wind.
 
         Args:
             wind_m_s: (nx, ny, 2) wind as it is estimated, world frame [m/s].
         """
-        self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings.plume)
+        self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings)
         confidence = self.confidence
         cells = _find_largest_cells(
             np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored

@@ -8,9 +8,8 @@ Held by:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from types import SimpleNamespace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -184,11 +183,6 @@ class FilamentSettings:
     stops_per_update: int = 3
     edges: str = "open"
 
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> Self:
-        """Return the figures that go by these names in the settings of a method's card."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
-
 
 class PublishedPmfs(Pmfs):
     """PMFS with forward simulations of filaments, the score and the goals of the paper.
@@ -252,8 +246,9 @@ class PublishedPmfs(Pmfs):
         self._is_open |= self._near_in_sight(cell)
         self._is_closed[_around(cell, 1)] = True
 
-    def is_update_due(self) -> bool:
-        """Count a stop, and return whether sources are to be scored at it."""
+    def is_update_due(self, *, has_findings: bool) -> bool:
+        """Count a stop, with findings or without, and return whether sources are to be scored at it."""
+        del has_findings
         self._n_stops += 1
         return self._n_stops >= self.settings.explore_first and self._n_stops % self._filaments.stops_per_update == 0
 
