@@ -27,7 +27,6 @@ class PlumeTrackingAgent(ReactiveAgent):
     """
 
     def __init__(self, briefing: Briefing) -> None:
-        """Begin without gas, wind, or anything seen."""
         super().__init__(briefing)
         self.upwind_rad = 0.0
         self.is_tracking = False

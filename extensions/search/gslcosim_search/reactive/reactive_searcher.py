@@ -112,7 +112,6 @@ class ReactiveAgent(SearchAgent):
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without gas, wind, or anything seen."""
         super().__init__(briefing, settings)
         shared = self.shared = extract_settings(ReactiveSettings, self.settings)
         self.pilot = LegPlanner(briefing, self.draws, margin_m=shared.margin_m)

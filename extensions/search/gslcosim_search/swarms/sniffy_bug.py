@@ -210,7 +210,6 @@ class Bug:
     """
 
     def __init__(self, table: BugParameters, *, past_m: float = 0.5) -> None:
-        """Begin without a line."""
         self._table = table
         self._past_m = past_m
         self._start_m = self._goal_m = np.zeros(2)

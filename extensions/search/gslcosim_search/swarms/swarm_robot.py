@@ -113,7 +113,6 @@ class SwarmMember(SearchAgent):
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best."""
         super().__init__(briefing, settings)
         settings = self.settings
         self.team = Team(briefing)
@@ -225,7 +224,6 @@ class SwarmRobot(SwarmMember):
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best and without a step."""
         super().__init__(briefing, settings)
         self.step_m = self._planned_m = _NO_STEP
         self.pilot = LegPlanner(briefing, self.draws, margin_m=self.settings.wall_margin_m)
@@ -284,7 +282,6 @@ class Particle(SwarmRobot):
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best, a step and a waypoint."""
         super().__init__(briefing, settings)
         settings = self.settings
         self.weights = SwarmWeights(inertia=settings.inertia, own=settings.own, swarm=settings.swarm)
