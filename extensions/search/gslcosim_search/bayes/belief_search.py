@@ -8,7 +8,7 @@ Held by:
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -405,15 +405,7 @@ class PuffTracingAgent(SourceBeliefAgent):
 
     def __init__(self, briefing: Briefing) -> None:
         super().__init__(briefing)
-        settings = self.settings
-        self.model = PuffModel(
-            step_s=settings.wind_step_s,
-            window_s=settings.window_s,
-            initial_sigma_m=settings.initial_sigma_m,
-            spread_m_sqrt_s=settings.spread_m_sqrt_s,
-            detection_probability=settings.detection_probability,
-            sensed_m2=settings.sensed_m2,
-        )
+        self.model = replace(extract_settings(PuffModel, self.settings), step_s=self.settings.wind_step_s)
 
     def update(self, observation: Observation, finding: Finding) -> None:
         """Trace the finding back to where its puff may have come from."""

@@ -26,6 +26,8 @@ N_TRIES = 100
 # Ends closer together than this are the same, to a vehicle that refused one of them.
 _SAME_END_M = 0.02
 _BACK_OFF_M = 0.1
+# By how much and how often a refused leg is made shorter.
+_SHORTEN_M, _N_SHORTEN = 0.05, 10
 
 
 def to_millimetre(length_m: float) -> float:
@@ -285,7 +287,7 @@ class LegPlanner:
     """Flies legs to places, and never a refused leg again as it was.
 
     1. A leg ends where it meets the margin of the room (with a granted map also before what is solid, in steps of
-       `shorten_m`, at most `n_shorten` of them).
+       0.05 m, at most 10 of them).
     2. Where that leaves nothing, or is the leg that was refused, ways at 45 and 90 degrees to either side are tried,
        then random ones.
     3. Where nothing fits it goes to the nearest place inside the margin.
@@ -293,9 +295,7 @@ class LegPlanner:
     State: where the last leg was to end, and until when the vehicle is busy with it.
     """
 
-    def __init__(
-        self, briefing: Briefing, draws: RandomStream, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
-    ) -> None:
+    def __init__(self, briefing: Briefing, draws: RandomStream, *, margin_m: float) -> None:
         """Begin without a leg; a map is used where the briefing grants one."""
         obstacles = (
             None
@@ -305,7 +305,6 @@ class LegPlanner:
         self.room = LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
         self.height_m = briefing.search_height_m
         self._draws = draws
-        self._shorten_m, self._n_shorten = shorten_m, n_shorten
         self._hold_s = briefing.hold_s
         self._tick_s = briefing.tick_ns / 1e9
         self._is_asked_always = briefing.mode != "on_request"
@@ -385,7 +384,7 @@ class LegPlanner:
         aim_m = cut_end_m(start_m, target_m, self.room)
         dx_m, dy_m = aim_m[0] - start_m[0], aim_m[1] - start_m[1]
         length_m, heading_rad = math.hypot(dx_m, dy_m), math.atan2(dy_m, dx_m)
-        end_m = shorten_leg(start_m, heading_rad, length_m, self.room, by_m=self._shorten_m, n_tries=self._n_shorten)
+        end_m = shorten_leg(start_m, heading_rad, length_m, self.room, by_m=_SHORTEN_M, n_tries=_N_SHORTEN)
         if end_m is None or (refused_m is not None and math.dist(end_m, refused_m) < _SAME_END_M):
             towards_rad = math.atan2(target_m[1] - start_m[1], target_m[0] - start_m[0])
             end_m = next_leg(start_m, _around(towards_rad), wanted_m, self.room, self._draws, refused_m=refused_m).end_m

@@ -16,6 +16,8 @@ from gslcosim_search.senses.instruments import Nose
 
 # A reading may jump between two observations that a silent second separates; steps of time are bounded below.
 _LEAST_STEP_S = 1e-9
+# Time constants of a MOX sensor's level and slow slope, and with which its baseline follows a lower resistance [s].
+_LEVEL_SMOOTHING_S, _FORGET_S = 3.0, 300.0
 # A MOX sensor below this part of its resistance in clean air says no more than that there is very much gas.
 _LEAST_RATIO = 1e-3
 
@@ -194,13 +196,13 @@ class OnsetDetector:
 class MoxEvidence:
     """Tells gas, clean air and recovery apart by a MOX sensor's level and derivative.
 
-    level L = b - s             s ln R smoothed over `smoothing_s`, b baseline: the ln R of clean air
+    level L = b - s             s ln R smoothed over 3 s, b baseline: the ln R of clean air
     gas that grows: onset, see `OnsetDetector`
     gas that stays: L > `level` and s' <= slope threshold of the slow smoothing
     recovery:       L > `level` and s' above it: what the sensor shows is gas of before
     clean air:      L <= `level` and no onset
 
-    The baseline runs with the sensor: b = s where s is above it, else it follows s with the time constant `forget_s`,
+    The baseline runs with the sensor: b = s where s is above it, else it follows s with the time constant 300 s,
     so that it neither keeps one lucky reading for ever nor takes a drift for gas. In gas that stays for longer than
     about that time it is lost: 0.9 of level, 5 ppm at a TGS2600, is forgotten after 11 minutes.
     The first sample is taken for clean air.
@@ -214,26 +216,12 @@ class MoxEvidence:
         Theirs are bouts alone; gas that stays and air that is clean are told here too.
     """
 
-    def __init__(
-        self,
-        *,
-        onset: OnsetDetector | None = None,
-        level: float = 0.1,
-        smoothing_s: float = 3.0,
-        forget_s: float = 300.0,
-    ) -> None:
-        """Begin in clean air.
-
-        Args:
-            onset: What tells that gas grows.
-            level: Fall of ln R below the baseline that counts as gas shown.
-            smoothing_s: Time constant of level and slow slope [s].
-            forget_s: Time constant with which the baseline follows a resistance below it [s].
-        """
-        self._onset = onset or OnsetDetector()
+    def __init__(self, *, level: float = 0.1) -> None:
+        """Begin in clean air; `level` is the fall of ln R below the baseline that counts as gas shown."""
+        self._onset = OnsetDetector()
         # A TGS2600 that recovers rises by more than this as long as its level is above 0.06.
-        self._slow = OnsetDetector(smoothing_s=smoothing_s, least_slope_per_s=0.003)
-        self._level, self._forget_s = level, forget_s
+        self._slow = OnsetDetector(smoothing_s=_LEVEL_SMOOTHING_S, least_slope_per_s=0.003)
+        self._level = level
         self._baseline: float | None = None
         self._last_s = 0.0
         self._is_broken = False
@@ -262,7 +250,7 @@ class MoxEvidence:
         smooth = self._slow.log_ohm
         if smooth is not None:
             before = smooth if self._baseline is None else self._baseline
-            self._baseline = smooth + max(0.0, before - smooth) * math.exp(-(time_s - self._last_s) / self._forget_s)
+            self._baseline = smooth + max(0.0, before - smooth) * math.exp(-(time_s - self._last_s) / _FORGET_S)
         self._last_s = time_s
         return self.is_gas and not self._is_broken
 
