@@ -6,6 +6,7 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 from types import SimpleNamespace
 
 from gslcosim.agent_kit import Observation, run
+from gslcosim.agent_kit.settings import extract_settings
 from gslcosim_search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim_search.maps.map_agents import StopMapAgent
 from gslcosim_search.motion.map_navigation import Stop
@@ -20,7 +21,7 @@ class GrGslAgent(StopMapAgent[GrGsl]):
         """Return an even belief over the free cells."""
         warm_up()
         flights = self.flights
-        return GrGsl(flights.free, flights.grid, GrGslSettings.of(settings), flyable=flights.flyable)
+        return GrGsl(flights.free, flights.grid, extract_settings(GrGslSettings, settings), flyable=flights.flyable)
 
     def learn_stop(self, stop: Stop) -> None:
         """Take in what was measured at a stop; a sensor that still shows what it met before tells nothing."""

@@ -11,9 +11,11 @@ from gslcosim_search.learned.policy_agent import PolicyAgent, find_policy
 class Learned(PolicyAgent):
     """Does what the policy says that the parameter names."""
 
+    program = __file__
+
     def policy_of(self, briefing: Briefing) -> Policy:
         """Return the policy of the parameter."""
-        return find_policy(load_settings(briefing, __file__).policy, Path(__file__).parents[1])
+        return find_policy(load_settings(briefing, self.program).policy, Path(self.program).parents[1])
 
 
 if __name__ == "__main__":

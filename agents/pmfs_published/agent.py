@@ -5,15 +5,15 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 
 from types import SimpleNamespace
 
-from gslcosim.agent_kit import Observation, run
-from gslcosim_search.maps.map_agents import StopMapAgent
+from gslcosim.agent_kit import run
+from gslcosim.agent_kit.settings import extract_settings
+from gslcosim_search.maps.map_agents import HitMapAgent
 from gslcosim_search.maps.pmfs import PmfsSettings
 from gslcosim_search.maps.published_pmfs import FilamentSettings, PublishedPmfs, warm_up
 from gslcosim_search.maps.wind_map import WindMap, WindWeights
-from gslcosim_search.motion.map_navigation import Stop
 
 
-class PublishedPmfsAgent(StopMapAgent[PublishedPmfs]):
+class PublishedPmfsAgent(HitMapAgent):
     """Stops, measures, maps hits, simulates sources every few stops, and goes to where simulations disagree most."""
 
     program = __file__
@@ -25,8 +25,8 @@ class PublishedPmfsAgent(StopMapAgent[PublishedPmfs]):
         return PublishedPmfs(
             flights.free,
             flights.grid,
-            PmfsSettings.of_hit_map(settings),
-            FilamentSettings.of(settings),
+            extract_settings(PmfsSettings, settings),
+            extract_settings(FilamentSettings, settings),
             self.draws,
             flyable=flights.flyable,
         )
@@ -35,20 +35,6 @@ class PublishedPmfsAgent(StopMapAgent[PublishedPmfs]):
         """Return a wind map whose edges are as those of the simulations."""
         weights = WindWeights(divergence=settings.wind_divergence)
         return WindMap(self.flights.free, self.flights.grid, weights=weights, edges=settings.edges)
-
-    def learn_stop(self, stop: Stop) -> None:
-        """Take in what was measured at a stop, and every few stops simulate sources."""
-        self.method.visit(stop.position_m)
-        if stop.wind is not None:
-            self.winds.add(stop.position_m, stop.wind_world_m_s())
-        if stop.findings:
-            self.method.update(stop.position_m, [finding.is_hit for finding in stop.findings], stop.wind_world_m_s())
-        if self.method.is_update_due():
-            self.method.score(self.winds.wind_m_s())
-
-    def next_goal(self, observation: Observation) -> tuple[int, ...] | None:
-        """Return the cell where the simulations of believed sources differ most, or None where none is left."""
-        return self.method.next_goal(observation.position_world_m, self.draws)
 
 
 if __name__ == "__main__":

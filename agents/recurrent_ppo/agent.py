@@ -1,16 +1,13 @@
 """Flies what recurrent PPO has learned in halls with a leak. README.md beside this file says how it was trained."""
 
-from gslcosim.agent_kit import Briefing, run
-from gslcosim_search.learned.policy import Policy
-from gslcosim_search.learned.policy_agent import PolicyAgent, load_policy_beside
+from gslcosim.agent_kit import run
+from gslcosim_search.learned.policy_agent import PolicyAgent
 
 
 class RecurrentPpo(PolicyAgent):
     """Remembers gas and wind in gated recurrent units, and commands a velocity each second."""
 
-    def policy_of(self, briefing: Briefing) -> Policy:
-        """Return the policy beside this file."""
-        return load_policy_beside(briefing, __file__)
+    program = __file__
 
 
 if __name__ == "__main__":

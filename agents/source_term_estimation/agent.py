@@ -4,11 +4,12 @@ After Hutchinson, Liu and Chen 2018. README.md beside this file has the rules, m
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.agent_kit.settings import load_settings
+from gslcosim.agent_kit.settings import extract_settings, load_settings
 from gslcosim_search.bayes import source_terms
 from gslcosim_search.bayes.belief_search import BeliefAgent
 from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
@@ -31,15 +32,7 @@ class SourceTermEstimation(BeliefAgent):
         self.nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
         super().__init__(briefing, settings, nose=self.nose)
         self.threshold_ppm = settings.mox_floor_ppm if self.nose.unit == "ohm" else settings.gas_threshold_ppm
-        model = PlumeSensor(
-            plume=settings.plume,
-            sensor=settings.sensor,
-            threshold_ppm=self.threshold_ppm,
-            noise_frac=settings.noise_frac,
-            noise_floor_ppm=settings.noise_floor_ppm,
-            detection_probability=settings.detection_probability,
-            source_radius_m=settings.source_radius_m,
-        )
+        model = replace(extract_settings(PlumeSensor, settings), threshold_ppm=self.threshold_ppm)
         source_terms.warm_up(model)
         rng = self.draws.generator("source terms")
         self.filter = SourceTermFilter(self.prior(briefing), model, settings.particles, rng, n_moves=settings.moves)

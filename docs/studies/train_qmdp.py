@@ -19,19 +19,18 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-from gslcosim.environment.model import Environment, Grid, WindFrames
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim_search.information.pomdp import (
-    OffsetGrid,
-    PlumeTable,
+from pomdp_planning import (
     Pomdp,
+    find_successors,
     improve_by_perseus,
-    offsets_m,
     sample_beliefs,
     solve_by_value_iteration,
     update_belief,
 )
+
+from gslcosim.environment.model import Environment, Grid, WindFrames
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim_search.information.pomdp import OffsetGrid, PlumeTable, offsets_m
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import GasField, PointGrid
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA
@@ -165,7 +164,7 @@ def problem_of(level_frac: Floats) -> Pomdp:
     centres_m = POLICY_GRID.centres_m()
     observed = GRID.looked_up(level_frac, centres_m)
     is_found = np.hypot(*centres_m.T) <= FOUND_WITHIN_M
-    successor = POLICY_GRID.successors()
+    successor = find_successors(POLICY_GRID)
     return Pomdp(
         successor=successor,
         observed=observed / observed.sum(axis=0),

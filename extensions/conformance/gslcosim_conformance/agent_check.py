@@ -250,8 +250,6 @@ def check_agent(
     """Return the report of a check of an agent.
 
     Args:
-        connection: How it is started and spoken to.
-        limits: How long it is waited for.
         report_progress: Gets the name of each run before it begins.
     """
     return AgentCheck(connection, limits or SessionLimits(), report_progress).run()

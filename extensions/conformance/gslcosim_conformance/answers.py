@@ -69,7 +69,6 @@ def find_bytes_remedy(payload: bytes, said: str) -> str:
     """Return what to change about bytes that are no msgpack map as a command needs one; empty where nothing is known.
 
     Args:
-        payload: What the agent sent.
         said: What is wrong with it, as the reader says it.
     """
     if "each key once" in said or "deep, were deeper" in said:

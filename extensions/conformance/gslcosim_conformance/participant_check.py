@@ -22,9 +22,6 @@ def check_participant(
     """Return the report of a check of a participant.
 
     Args:
-        connection: How it is started and spoken to.
-        limits: How long it is waited for.
-        parameters: What its briefing hands to it.
         report_progress: Gets the name of each session before it begins.
     """
     return ParticipantCheck(connection, limits or SessionLimits(), report_progress, parameters=parameters).run()

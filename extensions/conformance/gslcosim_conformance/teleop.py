@@ -308,8 +308,6 @@ class Dashboard:
 
         Args:
             controls: The person's hand.
-            columns: The width of the terminal.
-            rows: Its height.
         """
         if columns < MIN_COLUMNS or rows < MIN_ROWS:
             return [f"The terminal is too small: it needs {MIN_COLUMNS} x {MIN_ROWS}."[:columns]]

@@ -268,7 +268,6 @@ class CheckedProcess:
         """Start the process with pipes to it, or with a listener that it connects to.
 
         Args:
-            name: The process in words.
             variables: What it finds in its environment, beside the way to the listener.
             on_stream: Gets the pipes, or each connection whose first frame is right.
             on_refusal: Gets what is wrong with each other connection.

@@ -17,7 +17,6 @@ def find_fmu_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     """Yield what keeps the units of a scenario from taking part in its run.
 
     Args:
-        scenario: What is run.
         directory: Its folder, where relative paths start.
     """
     try:
@@ -41,7 +40,6 @@ def find_fmu_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     """Yield the units whose state no snapshot can hold, in scenarios with snapshots.
 
     Args:
-        scenario: What is run.
         directory: Its folder, where relative paths start.
     """
     for i, own in enumerate(scenario.participants):

@@ -132,7 +132,6 @@ def export_room_fmu(
     """Write `<name>.fmu`, a room that any importer of FMI 3.0 can ask for wind and gas.
 
     Args:
-        environment: The room, with its wind.
         folder: Where; a new folder or an empty one.
         scenario: Its gas, with which the unit's time counts from the start of a run; absent: wind alone.
         n_points: At how many points at once.
@@ -190,7 +189,6 @@ def record_gas(scenario: Scenario, environment: Environment, folder: Path, *, un
 
     Args:
         scenario: Its `gas`.
-        environment: Its room.
         folder: Where the recording lies, memory-mapped.
         until_s: Last time [s]; absent: the scenario's time limit.
     """
@@ -303,10 +301,7 @@ def build_model_description(
     Args:
         name: Of the room.
         token: Identifies the content of the unit.
-        environment: Its grid.
         gases: Names of the gases; none: wind alone.
-        sensors: Those at each point.
-        n_points: How many points.
         stop_time_s: Where the recorded gas ends [s]; absent: nowhere.
         step_s: Step to suggest [s]; absent: none.
     """

@@ -77,7 +77,6 @@ def parse_value_path(text: str, message_type: type[Message]) -> ValuePath:
 
     Args:
         text: Fields with dots between them; behind a list an index from 0 on, or which fields its item has.
-        message_type: The type of the messages.
     """
     steps: list[_Step] = []
     kinds: frozenset[Any] = frozenset((message_type,))

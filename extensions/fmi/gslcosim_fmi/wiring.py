@@ -56,7 +56,6 @@ def wire_fmu(
     """Return the connections of a unit, None where something is wrong with them.
 
     Args:
-        own: The participant.
         scenario: The run's.
         directory: The scenario's folder.
         types: The type of the messages on each port of the run.

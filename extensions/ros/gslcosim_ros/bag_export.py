@@ -51,7 +51,6 @@ def export_bag(run: RunData, folder: Path, to: str, progress: Callable[[str], No
 
     Args:
         run: What to write.
-        folder: The folder.
         to: `mcap` or `rosbag2`.
         progress: Receives the number of messages.
 
@@ -297,7 +296,6 @@ def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, pr
 
     Args:
         messages: By time.
-        path: The file.
         types: Of the messages.
         progress: Receives how many have been written, now and then.
     """

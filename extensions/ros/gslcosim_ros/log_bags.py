@@ -134,7 +134,6 @@ def read_bag_log(
 
     Args:
         path: A folder of rosbag2, a `.bag` of ROS 1, or an `.mcap` with messages of ROS 1 or 2.
-        sensors: Whose readings are read.
         pose_topic: Which topic has the pose; absent: the only one with poses, Odometry first.
         topics: By the sensors' names their topics; absent ones have the topic whose last part is their name. The parts
             of an array of gas sensors are topics of their own, such as `/enose[0]`.

@@ -156,7 +156,6 @@ class RosSession:
         Args:
             kind: `MP` publisher, `MS` subscriber, `SS` service, `SC` client.
             name: Of the topic or service.
-            timeout_s: For how long [s].
         """
         return self.wait_for_any([(kind, name)], timeout_s)
 
@@ -271,7 +270,6 @@ class RosNode:
 
         Args:
             topic: Such as `/beetle/goal`.
-            kind: Type.
             handler: Receives messages; what it raises of `ValueError` is reported.
             qos: With `is_transient_local` messages from before are received, too.
             max_bytes: Longer messages are reported and not read.
@@ -326,7 +324,6 @@ class RosNode:
 
         Args:
             name: Such as `/navigate_to_pose/_action/get_result`.
-            kind: Type of the service.
             take: Receives requests; where it raises `ValueError`, the client gets an error with its text.
             max_bytes: Longer requests are answered with an error.
         """
@@ -357,7 +354,6 @@ class RosNode:
 
         Args:
             name: Such as `/odor_value`.
-            kind: Type of the service.
         """
         token = self._endpoint(wire.CLIENT, name, kind, QosProfile())
         self._held.append(self._session.declare(token))
@@ -478,7 +474,6 @@ class RosClient:
 
         Args:
             request: A message of the type `<kind>_Request`.
-            timeout_s: For how long it is waited for [s].
         """
         types = self._session.types
         self._sequence += 1

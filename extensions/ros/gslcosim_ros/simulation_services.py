@@ -410,7 +410,6 @@ def encode_gas_response(ppm: NDArray[np.float64], gases: Sequence[str]) -> bytes
 
     Args:
         ppm: (n, n_gases) mixing ratios [ppm].
-        gases: Names of the gases.
     """
     n_points, n_gases = ppm.shape
     # A cell is the number of its gases, and a gap that lets its numbers begin at a multiple of 8 bytes. The number of

@@ -97,8 +97,6 @@ class RosTypes:
 
         Args:
             kind: Such as `std_srvs/srv/Trigger`.
-            request: Fields of the request.
-            response: Fields of the response.
         """
         self.define_message(f"{kind}_Request", request)
         self.define_message(f"{kind}_Response", response)
@@ -112,9 +110,6 @@ class RosTypes:
 
         Args:
             kind: Such as `nav2_msgs/action/NavigateToPose`.
-            goal: Fields of the goal.
-            result: Fields of the result.
-            feedback: Fields of the feedback.
         """
         from rosbags.interfaces import Nodetype
 

@@ -30,8 +30,6 @@ class CellGrid:
         """Return a grid over a box, the last cells of each axis cut by nothing: they may reach beyond the box.
 
         Args:
-            bounds: The box, world frame [m].
-            cell_m: Edge of a cell [m].
             dimensions: 2 for the floor plan, 3 for the volume.
             max_cells: With this, cells grow until there are at most so many.
         """
@@ -192,8 +190,6 @@ def mean_of_best_m(p: Array, grid: CellGrid, share: float = 0.05) -> tuple[float
     """Return the mean place of the most probable cells, each with its probability as weight, world frame [m].
 
     Args:
-        p: The belief.
-        grid: Its grid.
         share: The part of all cells that counts; at least one cell.
     """
     n_best = max(1, round(share * p.size))
@@ -225,7 +221,6 @@ def belief_message(p: Array, grid: CellGrid, *, height_m: float = 0.0) -> Belief
 
     Args:
         p: The belief, in the grid's shape.
-        grid: Its grid.
         height_m: The height at which a method in the plane searches [m]; ignored for a grid in space.
     """
     x_m, y_m, z_m = (*grid.origin_m, height_m)[:3]

@@ -18,7 +18,14 @@ _LOG_RATES = -1.0 + 0.8 * np.arange(14)
 # The last bits of an exponential decide nothing: places that are equally good tie on every machine.
 _DIGITS = 9
 # A larger room gets larger cells.
-_MAX_CELLS = 4000
+_CELL_M, _MAX_CELLS = 0.5, 4000
+# Around the estimate, for its share [m].
+_RADIUS_M = 1.0
+# Width of the plume at its source w0 [m], how much wider it gets in a metre b, and how far gas reaches upwind l [m].
+_WIDTH_M, _GROWTH, _UPWIND_M = 0.4, 0.15, 0.3
+# Spread s of the logarithm of levels, chance m of no gas in the middle of the plume, density f of gas from elsewhere,
+# and weight k of a reading.
+_LOG_SPREAD, _MISS_CHANCE, _STRAY_DENSITY, _WEIGHT = 1.0, 0.5, 1e-3, 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,41 +74,21 @@ class PlumeFit:
         bounds: Bounds,
         *,
         threshold: float,
-        cell_m: float = 0.5,
-        radius_m: float = 1.0,
-        width_m: float = 0.4,
-        growth: float = 0.15,
-        upwind_m: float = 0.3,
-        log_spread: float = 1.0,
-        miss_chance: float = 0.5,
-        stray_density: float = 1e-3,
-        weight: float = 0.2,
     ) -> None:
         """Begin without readings.
 
         Args:
             bounds: Of the room; the source is in them.
             threshold: The least level that is gas, in the unit in which levels are added.
-            cell_m: Edge of a cell [m]; larger in a large room.
-            radius_m: Around the estimate, for its share [m].
-            width_m: Width of the plume at its source, w0 [m].
-            growth: How much wider it gets in a metre, b.
-            upwind_m: How far gas reaches upwind, l [m].
-            log_spread: Spread of the logarithm of levels, s.
-            miss_chance: Chance of no gas in the middle of the plume, m.
-            stray_density: Density of gas from elsewhere, f.
-            weight: Weight of a reading, k.
         """
-        grid = CellGrid.covering(bounds, cell_m, max_cells=_MAX_CELLS)
+        grid = CellGrid.covering(bounds, _CELL_M, max_cells=_MAX_CELLS)
         self._shape = grid.shape
         centres_m = grid.centres_m()
         self._x_m, self._y_m = centres_m[:, 0], centres_m[:, 1]
-        reach = int(radius_m / grid.cell_m)
+        reach = int(_RADIUS_M / grid.cell_m)
         offsets = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
-        self._disc = [(i, j) for i, j in offsets if math.hypot(i, j) * grid.cell_m <= radius_m]
-        self._reach, self._radius_m, self._threshold = reach, radius_m, threshold
-        self._width_m, self._growth, self._upwind_m = width_m, growth, upwind_m
-        self._log_spread, self._miss, self._stray, self._weight = log_spread, miss_chance, stray_density, weight
+        self._disc = [(i, j) for i, j in offsets if math.hypot(i, j) * grid.cell_m <= _RADIUS_M]
+        self._reach, self._threshold = reach, threshold
         self._log_likelihood = np.zeros((len(centres_m), len(_LOG_RATES)))
         self._log_levels: list[float] = []
         self._n_readings = 0
@@ -115,8 +102,8 @@ class PlumeFit:
             self._log_levels.append(log_level)
             likelihood = self._chance_of_level(log_level - log_mean)
         else:
-            below = 1.0 / (1.0 + np.exp(np.minimum(1.6 / self._log_spread * log_mean, 60.0)))
-            likelihood = self._miss + (1.0 - self._miss) * below
+            below = 1.0 / (1.0 + np.exp(np.minimum(1.6 / _LOG_SPREAD * log_mean, 60.0)))
+            likelihood = _MISS_CHANCE + (1.0 - _MISS_CHANCE) * below
         self._log_likelihood += np.log(likelihood)
 
     def best(self) -> FittedSource | None:
@@ -125,12 +112,12 @@ class PlumeFit:
         if not n_gas:
             return None
         top = float(self._log_likelihood.max())
-        p = np.exp(self._weight * (self._log_likelihood - top)).sum(axis=1)
+        p = np.exp(_WEIGHT * (self._log_likelihood - top)).sum(axis=1)
         p = (p / p.sum()).reshape(self._shape)
         shares = np.round(self._sum_around(p), _DIGITS)
         i, j = np.unravel_index(int(shares.argmax()), self._shape)
         x_m, y_m = self._x_m.reshape(self._shape)[i, j], self._y_m.reshape(self._shape)[i, j]
-        near = np.hypot(self._x_m - x_m, self._y_m - y_m) <= self._radius_m
+        near = np.hypot(self._x_m - x_m, self._y_m - y_m) <= _RADIUS_M
         weights = np.where(near, p.ravel(), 0.0)
         place_m = (float(np.average(self._x_m, weights=weights)), float(np.average(self._y_m, weights=weights)))
         return FittedSource(
@@ -145,12 +132,12 @@ class PlumeFit:
         cos, sin = math.cos(downwind_rad), math.sin(downwind_rad)
         dx_m, dy_m = position_m[0] - self._x_m, position_m[1] - self._y_m
         along_m, across_m = dx_m * cos + dy_m * sin, dy_m * cos - dx_m * sin
-        width_m = self._width_m + self._growth * np.maximum(along_m, 0.0)
-        return -0.5 * (across_m / width_m) ** 2 - np.log(width_m) + np.minimum(along_m, 0.0) / self._upwind_m
+        width_m = _WIDTH_M + _GROWTH * np.maximum(along_m, 0.0)
+        return -0.5 * (across_m / width_m) ** 2 - np.log(width_m) + np.minimum(along_m, 0.0) / _UPWIND_M
 
     def _chance_of_level(self, log_ratio: Array) -> Array:
-        s = self._log_spread
-        return (1.0 - self._miss) * _T3_PEAK / (s * (1.0 + (log_ratio / s) ** 2 / 3.0) ** 2) + self._stray
+        s = _LOG_SPREAD
+        return (1.0 - _MISS_CHANCE) * _T3_PEAK / (s * (1.0 + (log_ratio / s) ** 2 / 3.0) ** 2) + _STRAY_DENSITY
 
     def _log_likelihood_anywhere(self) -> float:
         levels, n_gas = np.array(self._log_levels), len(self._log_levels)

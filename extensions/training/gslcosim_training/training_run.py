@@ -22,7 +22,7 @@ from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim_bench.cases.models import EntrySpec
 from gslcosim_data.figures.style import get_line_style, new_figure, save, styled
-from gslcosim_search.learned.policy import Policy
+from gslcosim_search.learned.policy import ArrayPolicy
 from gslcosim_search.learned.policy_agent import POLICY_FILE
 from gslcosim_search.learned.policy_files import KINDS, save_parameters, save_policy
 from gslcosim_search.learned.wind_frame import asks_wind_frame
@@ -179,7 +179,7 @@ def build_entry(policy: Any, policy_file: Path) -> EntrySpec:
     """Return the suite entry of a trained policy: a method with its parameters, or the agent `learned` with a file."""
     if isinstance(policy, EvolvedParameters):
         return policy.entry
-    assert isinstance(policy, Policy), "trainers have policies or parameters"
+    assert isinstance(policy, ArrayPolicy), "trainers have policies or parameters"
     return EntrySpec(name=LEARNED, start=StartSpec(python=LEARNED), parameters={"policy": str(policy_file.resolve())})
 
 
@@ -364,7 +364,7 @@ class Training:
         best = self._best
         about: dict[str, Any] = {"curves": self._curves, "best_round": self._best_round, "took_s": self._took_s}
         arrays: dict[str, Any] = {}
-        if isinstance(best, Policy):
+        if isinstance(best, ArrayPolicy):
             arrays = dict(best.arrays)
             about["best"] = {
                 "kind": best.kind, "observation_names": best.observation_names, "settings": best.settings,

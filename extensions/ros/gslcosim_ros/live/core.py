@@ -58,7 +58,6 @@ class Ros2Core:
 
         Args:
             scenario: What is run, with its block `ros2`.
-            environment: Where.
             types: Of messages; made of the distribution where absent.
         """
         self._scenario = scenario

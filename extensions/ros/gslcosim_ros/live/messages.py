@@ -151,10 +151,6 @@ def make_reading(
 
     Args:
         types: Of messages.
-        time_ns: Simulated time [ns].
-        agent: Whose sensor it is.
-        sensor: Its settings.
-        values: What it reports.
         unit: Of a gas sensor's response.
         clean_air_ohm: Of a MOX sensor, its resistance in clean air [ohm]; 0 where it is not known.
     """
@@ -481,12 +477,10 @@ def make_marker(
 
     Args:
         types: Of messages.
-        time_ns: Simulated time [ns].
         namespace: Of its number.
         number: Of the marker; a later one with the same takes its place.
         position_m: Where it is, or what points are given from.
         size_m: Diameter of a sphere, width of a line [m].
-        rgba: Colour and opacity.
         shape: SPHERE, or LINE_STRIP or SPHERE_LIST of points.
         points: Of a line or a list of spheres; without any the marker is taken away.
     """

@@ -69,7 +69,6 @@ class Navigator:
         """Tell how far the vehicle is, and end the goal where it has arrived.
 
         Args:
-            time_ns: Simulated time [ns].
             pose: Of the vehicle, geometry_msgs/PoseStamped.
         """
         goal = self._goal

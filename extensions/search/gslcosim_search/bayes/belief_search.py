@@ -1,9 +1,14 @@
-"""Agents with a belief over the floor: findings, wind, goals worth their way, and declarations at the place."""
+"""Agents with a belief over the floor: findings, wind, goals worth their way, and declarations at the place.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_belief_search.py
+    extensions/search/tests/unit/bayes/test_source_goals.py
+"""
 
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -82,7 +87,6 @@ def choose_goal(
 
     Args:
         worth: w, of the grid's shape.
-        grid: The cells.
         goals: Cells that may be a goal; at least one.
         here_m: Where the vehicle is, x, world frame [m].
         near_m: n [m]; infinite: the way does not count.
@@ -90,8 +94,6 @@ def choose_goal(
 
     Source:
         Probability per cost, as in search theory (Stone 1975, Theory of Optimal Search).
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_goals.py
     """
     lengths_m = distances_m(grid, here_m)
     per_metre = worth if math.isinf(near_m) else worth / (lengths_m + near_m)
@@ -114,9 +116,6 @@ class GoalNavigator:
     """Flies towards goals in steps, round the obstacles of a granted map, and gives up goals that are refused.
 
     State: the flights' pilot, and which cells were refused.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_goals.py
     """
 
     def __init__(self, flights: MapNavigator, *, step_m: float, radius_m: float = 0.5) -> None:
@@ -124,7 +123,6 @@ class GoalNavigator:
 
         Args:
             flights: Gives cells, ways and the pilot.
-            step_m: Longest leg [m].
             radius_m: After a refusal no cell within so far of the goal is a goal again [m].
         """
         self.flights = flights
@@ -228,9 +226,6 @@ class BeliefAgent(SearchAgent):
     `BeliefSearchSettings`.
 
     State: that of its parts, and a place that is to be rejected.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_belief_search.py
     """
 
     def __init__(
@@ -324,7 +319,6 @@ class BeliefAgent(SearchAgent):
         """Return the next step: along the plume or upwind soon after gas, else towards the best goal.
 
         Args:
-            observation: The question.
             chance: Chance to detect gas of a source at each offset, on `plan_grid`; see `expected_information_bits`.
             trace_m: Where to go soon after gas, in place of a step upwind.
         """
@@ -411,15 +405,7 @@ class PuffTracingAgent(SourceBeliefAgent):
 
     def __init__(self, briefing: Briefing) -> None:
         super().__init__(briefing)
-        settings = self.settings
-        self.model = PuffModel(
-            step_s=settings.wind_step_s,
-            window_s=settings.window_s,
-            initial_sigma_m=settings.initial_sigma_m,
-            spread_m_sqrt_s=settings.spread_m_sqrt_s,
-            detection_probability=settings.detection_probability,
-            sensed_m2=settings.sensed_m2,
-        )
+        self.model = replace(extract_settings(PuffModel, self.settings), step_s=self.settings.wind_step_s)
 
     def update(self, observation: Observation, finding: Finding) -> None:
         """Trace the finding back to where its puff may have come from."""

@@ -1,5 +1,9 @@
 # pyright: basic
-"""Encounter models: the rate at which a searcher meets gas of a source elsewhere, and likelihoods of counts."""
+"""Encounter models: the rate at which a searcher meets gas of a source elsewhere, and likelihoods of counts.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_encounter_model.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -87,8 +91,6 @@ def log_mean_hits_2d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
 
     Source:
         Vergassola, Villermaux, Shraiman 2007, supplement, doi:10.1038/nature05464.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     per_length = 1.0 / length_m
     for i in range(places_m.shape[0]):
@@ -118,8 +120,6 @@ def log_mean_hits_3d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
 
     Source:
         Vergassola, Villermaux, Shraiman 2007, supplement, doi:10.1038/nature05464.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     per_length = 1.0 / length_m
     for i in range(places_m.shape[0]):
@@ -222,8 +222,6 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
 
     Source:
         Tempering of likelihoods of a wrong model: remembered, unverified (power 0.3 to 0.5, floor 1e-3).
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     n_outcomes = likelihood.shape[1]
     if n_outcomes == 2:
@@ -242,15 +240,6 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
                     log_w = power[i] * math.log(value)
                     log_weight[i, h, j] = log_w
                     weight[i, h, j] = value if power[i] == 1.0 else math.exp(log_w)
-
-
-@numba.njit(cache=True, nogil=True)
-def log_k0_each(x):
-    """Return `log_k0` of each number of a flat array."""
-    out = np.empty(x.shape[0])
-    for i in range(x.shape[0]):
-        out[i] = log_k0(x[i])
-    return out
 
 
 Array = NDArray[np.float64]
@@ -273,8 +262,6 @@ def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: f
 
     Source:
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     spread_m2 = diffusivity_m2_s * lifetime_s
     return math.sqrt(spread_m2 / (1.0 + speed_m_s**2 * lifetime_s / (4.0 * diffusivity_m2_s)))
@@ -288,49 +275,8 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
 
     Source:
         Taylor 1922, doi:10.1112/plms/s2-20.1.196, for times longer than T and small deviations.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     return (speed_m_s * spread_rad) ** 2 * correlation_s
-
-
-def count_outcomes(mean_hits: float) -> int:
-    """Return the number of outcomes of a stop to distinguish: 0, 1, ... hits; the last includes all higher counts.
-
-    n = ceil(mu + sqrt(mu)) + 1        mu mean one cell away from the source
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118, as in their package OTTO (read in code).
-    """
-    return math.ceil(mean_hits + math.sqrt(mean_hits)) + 1
-
-
-def windless_mean_hits(
-    distance_cells: Array, *, dimensions: Literal[1, 2, 3], length_cells: float, intensity: float
-) -> Array:
-    """Return the expected number of hits per step of a searcher on a grid without wind.
-
-    1-D: mu = I 2 L / (2 L - 1) exp(-d / L)    2-D: mu = I K0(d / L) / ln(2 L)    3-D: mu = I / (2 d) exp(-d / L)
-    [1] = [1]; d and L in cells, a detector of half a cell
-
-    Args:
-        distance_cells: Any shape, distance d from the source [cells], > 0.
-        dimensions: 1, 2 or 3.
-        length_cells: How far particles reach L [cells].
-        intensity: Particles released in a step I.
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py (their values)
-    """
-    d = np.asarray(distance_cells, np.float64)
-    if dimensions == 1:
-        return intensity * 2.0 * length_cells / (2.0 * length_cells - 1.0) * np.exp(-d / length_cells)
-    if dimensions == 3:
-        return intensity / (2.0 * d) * np.exp(-d / length_cells)
-    log_k0 = log_k0_each(np.ascontiguousarray(d / length_cells).reshape(-1)).reshape(d.shape)
-    return intensity * np.exp(log_k0) / math.log(2.0 * length_cells)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -355,8 +301,6 @@ class EncounterModel:
     Deviation:
         lambda / a counts as at least 2 in the logarithm: a strong wind makes lambda small, and the mean infinite.
         In a room the wind is neither even nor steady and walls reflect: temper what a stop weighs.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
 
     dimensions: Literal[2, 3]
@@ -469,8 +413,6 @@ def nominal_dispersal(
 
     Source:
         Our derivation from the filament model of Farrell et al. 2002, doi:10.1023/A:1016283702837.
-    Held by:
-        extensions/search/tests/unit/bayes/test_encounter_model.py
     """
     amount_ppm_m3 = plume.release_ppm_m3_s / plume.puffs_per_s
     width_m2 = (amount_ppm_m3 / (threshold_ppm * (2.0 * math.pi) ** 1.5)) ** (2.0 / 3.0)

@@ -1,5 +1,9 @@
 # pyright: basic
-"""Hidden Markov chains of plumes: parcels of air hop from cell to cell, unseen but where a sensor meets gas."""
+"""Hidden Markov chains of plumes: parcels of air hop from cell to cell, unseen but where a sensor meets gas.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_hidden_markov.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -35,8 +39,6 @@ def axis_chances(shift_cells, variance_cells2):
 
     Source:
         Our derivation: three chances, three moments (0, 1 and 2).
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     spread = max(variance_cells2, abs(shift_cells) * (1.0 - abs(shift_cells))) + shift_cells * shift_cells
     return 0.5 * (spread - shift_cells), 1.0 - spread, 0.5 * (spread + shift_cells)
@@ -56,9 +58,6 @@ def hop_chances(wind_m_s, step_s, cell_m, spread_m_sqrt_s):
 
     Returns:
         (n_x, n_y, 2, 3): axis; back, stay, ahead.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n_x, n_y = wind_m_s.shape[0], wind_m_s.shape[1]
     chances = np.empty((n_x, n_y, 2, 3))
@@ -110,7 +109,6 @@ def pull_back(chances, is_solid, last, n_steps):
         chances: (n_steps or 1, n_x or 1, n_y or 1, 2, 3) chances of hops by step (1: all alike) and cell.
         is_solid: (n_x, n_y) bool; parcels do not enter, and do not slip between two solid cells that touch in a corner.
         last: (n_x, n_y) what is observed at the last time: 1 in the sensor's cell, 0 elsewhere.
-        n_steps: Number of steps back.
 
     Returns:
         (n_steps + 1, n_x, n_y), the last time at the end.
@@ -167,81 +165,6 @@ def _trimmed(values, low_i, high_i, low_j, high_j):
                 first_i, last_i = min(first_i, i), max(last_i, i + 1)
                 first_j, last_j = min(first_j, j), max(last_j, j + 1)
     return first_i, last_i, first_j, last_j
-
-
-@numba.njit(cache=True)
-def push_forward(chances, is_solid, first, evidence):
-    """Return the forward variables of the chain, scaled to sum 1 at each time, and the logarithm of what was scaled.
-
-    f_0(i) = p(i) e_0(i);  f_(m+1)(j) = e_(m+1)(j) sum over i of f_m(i) a_ij(m)
-    [1]; p the first distribution, e_m(i) the likelihood of what is observed at time m for a parcel in cell i
-
-    Args:
-        chances: (n_steps or 1, n_x or 1, n_y or 1, 2, 3) chances of hops by step (1: all alike) and cell.
-        is_solid: (n_x, n_y) bool.
-        first: (n_x, n_y) distribution at the first time.
-        evidence: (n_steps + 1, n_x, n_y) likelihoods.
-
-    Returns:
-        (n_steps + 1, n_x, n_y) forward variables, and the logarithm of the likelihood of all that was observed (minus
-        infinity where it is impossible; the variables are then 0 from there on).
-
-    Source:
-        Rabiner 1989, doi:10.1109/5.18626, equations 19 to 21 and the scaling of section V.A.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
-    """
-    n_steps = evidence.shape[0] - 1
-    n_x, n_y = is_solid.shape
-    forward = np.zeros((n_steps + 1, n_x, n_y))
-    forward[0] = first * evidence[0]
-    move = np.empty(N_MOVES)
-    log_likelihood = 0.0
-    for m in range(n_steps + 1):
-        total = forward[m].sum()
-        if total <= 0.0:
-            return forward, -np.inf
-        log_likelihood += np.log(total)
-        forward[m] /= total
-        if m == n_steps:
-            break
-        for i in range(n_x):
-            for j in range(n_y):
-                if forward[m, i, j] <= 0.0 or is_solid[i, j]:
-                    continue
-                _moves(_of_step(chances, m), is_solid, i, j, move)
-                for k in range(N_MOVES):
-                    if move[k] > 0.0:
-                        forward[m + 1, i + k // 3 - 1, j + k % 3 - 1] += forward[m, i, j] * move[k]
-        forward[m + 1] *= evidence[m + 1]
-    return forward, log_likelihood
-
-
-@numba.njit(cache=True)
-def pull_back_evidence(chances, is_solid, evidence):
-    """Return the backward variables of the chain, scaled to a maximum of 1 at each time.
-
-    b_n(i) = 1;  b_m(i) = sum over j of a_ij(m) e_(m+1)(j) b_(m+1)(j)        [1]
-
-    Arguments as in `push_forward`.
-
-    Source:
-        Rabiner 1989, doi:10.1109/5.18626, equations 24 and 25.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
-    """
-    n_steps = evidence.shape[0] - 1
-    n_x, n_y = is_solid.shape
-    backward = np.zeros((n_steps + 1, n_x, n_y))
-    backward[n_steps] = 1.0
-    move = np.empty(N_MOVES)
-    for m in range(n_steps - 1, -1, -1):
-        later = evidence[m + 1] * backward[m + 1]
-        _pull_step(_of_step(chances, m), is_solid, later, backward[m], move, 0, n_x, 0, n_y)
-        highest = backward[m].max()
-        if highest > 0.0:
-            backward[m] /= highest
-    return backward
 
 
 @numba.njit(cache=True)
@@ -310,9 +233,6 @@ def count_hops_per_step(step_s: float, fastest_m_s: float, cell_m: float, spread
         fastest_m_s: Fastest wind W along an axis [m/s].
         cell_m: Edge of a cell c [m].
         spread_m_sqrt_s: Spread s of parcels [m / sqrt(s)].
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     n = max(1, math.ceil(fastest_m_s * step_s / (_LONGEST_HOP * cell_m)))
     while (fastest_m_s * step_s / (n * cell_m)) ** 2 + spread_m_sqrt_s**2 * step_s / (n * cell_m**2) > 1.0:
@@ -340,10 +260,8 @@ def build_chain_in_uniform_wind(
     """Return the chain in a wind that changes in time and is the same everywhere.
 
     Args:
-        grid: The cells, in the plane.
         is_solid: Cells that no parcel enters, of the grid's shape.
         winds_m_s: (n_steps, 2) wind of each step, the oldest first, world frame [m/s].
-        step_s: Length of a step [s].
         spread_m_sqrt_s: Spread of parcels on each axis [m / sqrt(s)].
     """
     fastest_m_s = float(np.abs(winds_m_s).max(initial=0.0))
@@ -359,7 +277,6 @@ def build_chain_in_wind_field(
     """Return the chain in a steady wind that differs from cell to cell.
 
     Args:
-        grid: The cells, in the plane.
         is_solid: Cells that no parcel enters, of the grid's shape.
         field_m_s: (nx, ny, 2) wind of each cell, world frame [m/s].
         window_s: How far back the chain goes [s].
@@ -391,37 +308,10 @@ def compute_finding_likelihoods(
 
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068, with the chain's chances in place of a uniform wind's.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py
     """
     with np.errstate(divide="ignore"):
         missed = np.log1p(-detection_probability * chance)
     return chance.mean(axis=0), puffs_per_hop * missed.sum(axis=0)
-
-
-def marginals(plume: ParcelChain, first: Array, evidence: Array) -> tuple[Array, float]:
-    """Return the distribution of one parcel over cells at each time, given all observations, and their likelihood.
-
-    P(cell at m given all) = f_m b_m / sum over cells of f_m b_m
-
-    Args:
-        plume: The chain.
-        first: (nx, ny) distribution of the parcel at the oldest time.
-        evidence: (n_hops + 1, nx, ny) likelihood of what was observed at each time, for a parcel in each cell.
-
-    Returns:
-        (n_hops + 1, nx, ny) probabilities, all 0 where the observations exclude each other; and the logarithm of the
-        observations' likelihood.
-
-    Source:
-        Rabiner 1989, A tutorial on hidden Markov models, doi:10.1109/5.18626, equation 27.
-    Held by:
-        extensions/search/tests/unit/bayes/test_hidden_markov.py (against all paths of a tiny grid)
-    """
-    forward, log_likelihood = push_forward(plume.chances, plume.is_solid, first, evidence)
-    both = forward * pull_back_evidence(plume.chances, plume.is_solid, evidence)
-    total = both.sum(axis=(1, 2), keepdims=True)
-    return np.divide(both, total, out=np.zeros_like(both), where=total > 0.0), log_likelihood
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -440,7 +330,6 @@ def likeliest_path(plume: ParcelChain, sensor: Cell, source: Array) -> PlumePath
     The parcel may have left at any hop of the window but the last; of equally good ways the one that left last.
 
     Args:
-        plume: The chain.
         sensor: The sensor's cell.
         source: (nx, ny) probability of each cell to hold the source.
 

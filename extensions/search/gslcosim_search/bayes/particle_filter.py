@@ -1,5 +1,9 @@
 # pyright: basic
-"""Particle filter of source positions, after Li, Meng, Wang and Zeng."""
+"""Particle filter of source positions, after Li, Meng, Wang and Zeng.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_particle_filter.py
+"""
 
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
 
@@ -41,8 +45,6 @@ def log_miss_of_particles(place_m, sensor_m, displacement_m, variance_m2, detect
         a particle filter algorithm, Autonomous Robots 30, 281 (weights as in the MAPIR group's public code [C]).
     Deviation:
         mu S N is kept below 1, which small puffs would exceed.
-    Held by:
-        extensions/search/tests/unit/bayes/test_particle_filter.py
     """
     n, n_puffs = place_m.shape[0], displacement_m.shape[0]
     log_miss = np.empty(n)
@@ -82,8 +84,6 @@ def systematic_indices(weight, offset):
 
     Source:
         Kitagawa 1996, Monte Carlo filter and smoother, doi:10.1080/10618600.1996.10474692.
-    Held by:
-        extensions/search/tests/unit/bayes/test_particle_filter.py
     """
     n = weight.shape[0]
     index = np.empty(n, np.int64)
@@ -115,8 +115,6 @@ def wind_spread_m_sqrt_s(winds_m_s: Array, step_s: float, least_m_sqrt_s: float)
 
     Source:
         The weights of Li, Meng et al. 2011 have the wind's standard deviation per axis, for steps of 1 s.
-    Held by:
-        extensions/search/tests/unit/bayes/test_particle_filter.py
     """
     if len(winds_m_s) < 2:
         return np.full(2, least_m_sqrt_s)
@@ -136,8 +134,6 @@ class ParticleCloud:
 
     Source:
         Li, Meng, Wang, Zeng 2011, Autonomous Robots 30, 281; figures of the MAPIR group's code [C].
-    Held by:
-        extensions/search/tests/unit/bayes/test_particle_filter.py
     """
 
     def __init__(self, n_particles: int, bounds: Bounds, rng: np.random.Generator) -> None:
@@ -179,7 +175,6 @@ class ParticleCloud:
         Each picks one of the puffs by chance and lies V(m) upwind of the sensor, give or take the puff's deviation.
 
         Args:
-            sensor_m: Place of the detection, world frame [m].
             travelled_m: (n_puffs, 2) displacements V(m), world frame [m].
             variance_m2: (n_puffs, 2) their variances, by axis [m2].
             share: With 1 all particles; with less so many of the living are replaced, drawn by chance, and the newborn
@@ -291,8 +286,6 @@ def update_particles(
     """Update a cloud by one finding; a cloud without particles stays without.
 
     Args:
-        cloud: The particles.
-        sensor_m: Place of the measurement, world frame [m].
         travelled_m: (n_puffs, 2) displacements of puffs, world frame [m].
         variance_m2: (n_puffs, 2) their variances, by axis [m2].
         is_hit: Whether gas was detected.

@@ -1,5 +1,9 @@
 # pyright: basic
-"""Puff tracing: a source map from puffs of gas traced back with the wind, after Pang and Farrell."""
+"""Puff tracing: a source map from puffs of gas traced back with the wind, after Pang and Farrell.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_puff_tracing.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -51,7 +55,6 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
 
     Args:
         low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
-        cell_m: Edge of the square cells [m].
         n_x: Number of cells along x.
         n_y: Number of cells along y.
         sensor_m: (2,) place x of the measurement, world frame [m].
@@ -107,10 +110,8 @@ def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
 
     Args:
         sensor_m: (2,) place x of the measurement, world frame [m].
-        n_steps: Number of steps backward.
         step_s: Length of a step dt [s].
         low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
-        cell_m: Edge of the square cells [m].
         wind_m_s: (n_x, n_y, 2) wind at the centres of the cells, world frame [m/s].
 
     Returns:
@@ -194,8 +195,6 @@ def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
 
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068.
-    Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py
     """
     newest_first = wind_m_s[::-1] * step_s
     return np.concatenate([np.zeros((1, 2)), np.cumsum(newest_first, axis=0)])
@@ -209,7 +208,6 @@ def displacements_m(
     Args:
         record: The wind so far, over at least the window, in steps of the model's length.
         model: Gives step and window.
-        sensor_m: Place of the measurement, world frame [m].
         field: Without it the wind is the same everywhere, as in the paper, and was the mean one before it is known.
             With it puffs are traced back through this field.
     """
@@ -238,7 +236,6 @@ class SourceMap:
         """Begin with equal probabilities.
 
         Args:
-            grid: The cells, in the plane.
             free: Which cells may hold the source; without it all of them.
             floor_frac: The floor f.
         """
@@ -287,14 +284,10 @@ def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequen
     Args:
         model: How puffs spread, and how surely they are detected.
         travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps [m].
-        cell_m: Edge of the cells [m].
         shape: (nx, ny) of the grid in which the sensor may be anywhere.
 
     Returns:
         (2 nx - 1, 2 ny - 1), the sensor's own cell in the middle.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py
     """
     n_x, n_y = 2 * shape[0] - 1, 2 * shape[1] - 1
     low_m = np.array([-0.5 * n_x * cell_m, -0.5 * n_y * cell_m])
@@ -313,9 +306,7 @@ def update(
     """Update a map by one measurement.
 
     Args:
-        source_map: The map.
         model: How puffs spread, and how surely they are detected.
-        sensor_m: Place of the measurement, world frame [m].
         travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps; see `displacements_m`.
         is_hit: Whether gas was detected.
     """

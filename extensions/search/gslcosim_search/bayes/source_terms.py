@@ -1,5 +1,9 @@
 # pyright: basic
-"""Source-term estimation: position and strength of the source, by particles of all that decides a plume."""
+"""Source-term estimation: position and strength of the source, by particles of all that decides a plume.
+
+Held by:
+    extensions/search/tests/unit/bayes/test_source_terms.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -111,8 +115,6 @@ def log_likelihood_of_reading(reading, amount, threshold, noise_frac, noise_floo
         NORMAL: Hutchinson, Liu, Chen 2018 as in AutoSTE [C]. LOG_NORMAL: zero-inflated, ours.
     Deviation:
         P_d is a factor of detections, too: it does not depend on the source and changes nothing.
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py
     """
     if sensor == NORMAL:
         if reading <= threshold:
@@ -152,9 +154,6 @@ def log_likelihoods(terms, place_m, wind, reading, plume, sensor, figures):
 
     Returns:
         (n,).
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py
     """
     n, k = terms.shape[0], reading.shape[0]
     total = np.zeros(n)
@@ -180,9 +179,6 @@ def sampled_reading(amount, uniform, normal, threshold, noise_frac, noise_floor,
         noise_floor: Noise at no amount (NORMAL).
         detection_probability: P_d.
         sensor: NORMAL or LOG_NORMAL.
-
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py
     """
     if uniform >= detection_probability:
         return 0.0
@@ -216,8 +212,6 @@ def expected_gain_bits(terms, place_m, wind, truth, uniform, normal, plume, sens
 
     Source:
         The reward of AutoSTE: Kullback-Leibler divergence, one draw each from 25 particles [C].
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py
     """
     n, k, m = terms.shape[0], place_m.shape[0], truth.shape[0]
     gain = np.zeros(k)
@@ -356,8 +350,6 @@ def kernel_width(n_particles: int, dimensions: int = N_TERMS) -> float:
 
     Source:
         Silverman 1986, Density Estimation, equation 4.14; Hutchinson, Liu, Chen 2018.
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py
     """
     return (4.0 / (dimensions + 2.0) / n_particles) ** (1.0 / (dimensions + 4.0))
 
@@ -393,9 +385,6 @@ class SourceTermFilter:
 
         Args:
             prior: What is believed before any reading.
-            model: Plume and sensor.
-            n_particles: How many.
-            rng: For particles and moves.
             n_moves: How many steps particles propose after they were drawn again.
         """
         self.model = model
@@ -424,7 +413,6 @@ class SourceTermFilter:
         """Take a reading, and draw particles again where too few count.
 
         Args:
-            place_m: Where it was taken, world frame [m].
             ppm: The reading; at most the threshold where nothing was detected.
             speed_m_s: Wind speed there; 1: the term `speed` is the speed itself.
             direction_rad: Direction the wind goes to there; 0: the term `direction_rad` is the direction itself.

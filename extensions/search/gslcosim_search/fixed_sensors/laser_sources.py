@@ -124,7 +124,6 @@ def find_rates_kg_s(
 
     Args:
         record: Of all sources.
-        searches: One for each source.
         places_m: x, y of each source [m].
         weight: (n,) how often each row counts, a whole number (bootstrap); None: once.
     """

@@ -100,10 +100,8 @@ def locate_in_plane(
         excess: Of `find_excess`.
         wind: Of the same rows.
         sensors_m: (k, 3) places of the sensors [m].
-        height_m: That of the source.
         margin_m: How far outside the sensors it may be.
         coarse_m: Spacing of the first grid of places.
-        fine_m: Spacing of the last.
     """
     above = excess.above_ppm[event.first : event.last + 1]
     low_m, high_m = sensors_m.min(axis=0) - margin_m, sensors_m.max(axis=0) + margin_m

@@ -52,8 +52,6 @@ class LeakMonitor:
 
         Args:
             sensors_m: (k, 3) places of the sensors [m].
-            source_height_m: Height of sources where there are no candidate places [m].
-            period_s: From one row to the next [s].
             places_m: Candidate places by name, (3,) each [m]; without them the source may be anywhere.
             check_every_s: How often events are looked for [s].
             settings: Constants of the detection; by default those of `DetectionSettings`.

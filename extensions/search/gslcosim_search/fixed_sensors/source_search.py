@@ -120,10 +120,7 @@ def search_place(
 
     Args:
         objective: Of x, y [m]; asked once for each place.
-        low_m: Corner of the area.
-        high_m: The opposite corner.
         coarse_m: Spacing of the first grid.
-        fine_m: Spacing of the last one.
     """
     values: dict[tuple[float, float], float] = {}
     step_m = coarse_m

@@ -1,11 +1,16 @@
-"""Information-driven agents: a belief on a grid, stops where an objective is best, and the table of objectives."""
+"""Information-driven agents: a belief on a grid, stops where an objective is best, and the table of objectives.
+
+Held by:
+    extensions/search/tests/agents/test_information_agents.py
+    extensions/search/tests/unit/information/test_information_agent.py
+"""
 
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,9 +197,6 @@ class InformationAgent(SearchAgent):
 
     State: the belief; which cells were passed; the wind of the last seconds; findings not yet taken in; refused ends;
     what was declared; the surprise of the last stops.
-
-    Held by:
-        extensions/search/tests/unit/information/test_information_agent.py, ../../agents/test_information_agents.py
     """
 
     objective: ClassVar[str]
@@ -367,9 +369,6 @@ def max_box_probability(p: Array, reach: int) -> float:
     Args:
         p: The belief, in the grid's shape.
         reach: From the middle cell to the outer ones [cells].
-
-    Held by:
-        extensions/search/tests/unit/information/test_information_agent.py
     """
     sums = np.pad(p, reach)
     for axis in range(p.ndim):
@@ -385,26 +384,12 @@ def assumed_dispersal(briefing: Briefing, settings: SimpleNamespace, dimensions:
     """Return the assumed dispersal of the plume: from nominal figures where granted (K1), else from settings (K0)."""
     bounds = briefing.bounds
     room_length_m = max(high - low for low, high in zip(bounds.min_m[:2], bounds.max_m[:2], strict=True))
+    known: dict[str, Any] = {"dimensions": dimensions, "room_length_m": room_length_m}
+    known |= {name: getattr(settings, name) for name in ("detector_m", "correlation_s", "stop_s")}
     if briefing.plume is not None:
-        return nominal_dispersal(
-            briefing.plume,
-            dimensions=dimensions,
-            threshold_ppm=settings.threshold_ppm,
-            room_length_m=room_length_m,
-            detector_m=settings.detector_m,
-            correlation_s=settings.correlation_s,
-            stop_s=settings.stop_s,
-        )
-    return PlumeAssumption(
-        dimensions=dimensions,
-        hits_at_1m=settings.hits_at_1m,
-        diffusivity_m2_s=settings.diffusivity_m2_s,
-        lifetime_s=settings.lifetime_s,
-        room_length_m=room_length_m,
-        detector_m=settings.detector_m,
-        correlation_s=settings.correlation_s,
-        stop_s=settings.stop_s,
-    )
+        return nominal_dispersal(briefing.plume, threshold_ppm=settings.threshold_ppm, **known)
+    known |= {name: getattr(settings, name) for name in ("hits_at_1m", "diffusivity_m2_s", "lifetime_s")}
+    return PlumeAssumption(**known)
 
 
 def direction_spread_rad(winds_m_s: Array) -> float:

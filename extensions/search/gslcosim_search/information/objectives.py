@@ -1,5 +1,9 @@
 # pyright: basic
-"""Objectives of information-driven searches: the expected cost of each next stop, and a monitor for a wrong model."""
+"""Objectives of information-driven searches: the expected cost of each next stop, and a monitor for a wrong model.
+
+Held by:
+    extensions/search/tests/unit/information/test_objectives.py
+"""
 
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
 
@@ -114,9 +118,6 @@ def remaining_entropy_bits(p, log_p, likelihood, weight, log_weight):
         likelihood: (n, c) probability of each outcome.
         weight: (n, c) what it weighs.
         log_weight: (n, c) natural logarithm of the weight.
-
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
     total = 0.0
     for h in range(likelihood.shape[0]):
@@ -145,9 +146,6 @@ def posterior_into(p, log_p, weight, log_weight, posterior, log_posterior):
         log_weight: (c,) natural logarithm of W, 0 where W is 0.
         posterior: (c,) p'; overwritten. All 0 where z is 0.
         log_posterior: (c,) its logarithm, 0 where p' is 0; overwritten.
-
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
     z = 0.0
     for j in range(p.shape[0]):
@@ -314,7 +312,6 @@ def space_aware_cost(predictions: Predictions, *, step_m: float, cells_per_step:
 
     Args:
         predict: Of the stops.
-        step_m: Length of a step [m].
         cells_per_step: How many cells of the belief a square or cube of a step's size has: entropy is less by the
             logarithm of that, and at least 0.
 
@@ -388,7 +385,6 @@ def dual_control_cost(
     Args:
         predict: Of the stops.
         places_m: (m, d) the stops x [m].
-        mean_m: Mean of the belief of now [m].
         exploration: b; 0 goes straight to the estimate.
 
     Source:
@@ -401,47 +397,6 @@ def dual_control_cost(
     """
     exploitation = ((places_m - np.asarray(mean_m)) ** 2).sum(axis=1)
     return exploitation + exploration * (predictions.predictive * predictions.variance_m2).sum(axis=1)
-
-
-def greedy_cost(predictions: Predictions) -> Array:
-    """Return the chance not to find the source with each stop."""
-    return predictions.probability.sum(axis=1)
-
-
-def mean_distance_cost(predictions: Predictions) -> Array:
-    """Return the expected distance along the axes after each stop [m]; a found source has none.
-
-    Source:
-        Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
-    """
-    return (predictions.probability * predictions.manhattan_m).sum(axis=1)
-
-
-def voting_cost(p: Array, cells_m: Array, here_m: Sequence[float], places_m: Array) -> Array:
-    """Return minus the probability of the places of the source for which a stop lies most nearly in their direction.
-
-    A cell votes for the stops whose direction from here is nearest to its own; ties vote for each.
-
-    Source:
-        Cassandra, Kaelbling, Kurien 1996, as in Loisy and Eloy 2022: there by quadrants, which is the same for steps
-        along the axes.
-    """
-    towards = cells_m - np.asarray(here_m)
-    steps = places_m - np.asarray(here_m)
-    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
-    cosine = towards @ (steps / np.where(lengths > 0.0, lengths, 1.0)).T
-    cosine = np.where(lengths[:, 0] > 0.0, cosine, -np.inf)
-    votes = cosine >= cosine.max(axis=1, keepdims=True) - 1e-9
-    return -(p @ votes)
-
-
-def most_likely_state_cost(p: Array, cells_m: Array, places_m: Array) -> Array:
-    """Return the distance along the axes of each stop from the most probable cell [m].
-
-    Source:
-        Cassandra, Kaelbling, Kurien 1996.
-    """
-    return np.abs(places_m - cells_m[int(p.argmax())]).sum(axis=1)
 
 
 # Costs are 0 for a sure find, and may be 0 elsewhere too.
@@ -477,7 +432,6 @@ def n_step_costs(p: Array, tree: MoveTree, *, depth: int, discount: float = 0.99
 
     Args:
         p: Belief, flat.
-        tree: Where steps lead.
         depth: Number of steps n, at least 1.
         discount: What a gain one step later counts.
 
@@ -526,8 +480,6 @@ class SurpriseMonitor:
 
     Source:
         Ours; a confident belief by a wrong model never recovers by itself.
-    Held by:
-        extensions/search/tests/unit/information/test_objectives.py
     """
 
     def __init__(self, *, n_stops: int = 20, k: float = 3.0) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 import yaml
@@ -108,22 +108,6 @@ class OnnxPolicy(Policy):
                 f"{found.shape}."
             )
         return np.argmax(found, axis=1) if n_choices else np.clip(found.astype(np.float32), -1.0, 1.0)
-
-    @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Nothing: the model keeps them; see `Policy`."""
-        return {}
-
-    @classmethod
-    def of_arrays(
-        cls,
-        observation_names: tuple[str, ...],
-        action: ActionSettings,
-        arrays: Mapping[str, NDArray[Any]],
-        settings: Mapping[str, Any],
-    ) -> Self:
-        """Refuse: a model is a file of its own; see `Policy`."""
-        raise PolicyError("kind: expected a file .onnx for a model, was .npz.")
 
 
 def load_onnx(path: Path) -> OnnxPolicy:

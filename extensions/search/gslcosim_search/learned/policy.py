@@ -113,15 +113,16 @@ class Policy(ABC):
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Return actions, (n, numbers) or (n,), and the next memory, upon observations (n, k); nothing is changed."""
 
-    @property
-    @abstractmethod
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Learned arrays by name, as `of_arrays` takes them."""
+
+class ArrayPolicy(Policy):
+    """A policy whose learned numbers are arrays by name, which `of_arrays` takes: those that files of ours hold."""
+
+    arrays: dict[str, NDArray[Any]]
 
     @property
+    @abstractmethod
     def settings(self) -> dict[str, Any]:
         """Settings that `of_arrays` needs besides the arrays, as plain values."""
-        return {}
 
     @classmethod
     @abstractmethod

@@ -1,8 +1,8 @@
 """Agent that runs a learned policy."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ def match_observations(policy: Policy, offered: Sequence[str]) -> list[int]:
     that tells a number of this kind, `nose.amount` for example that of a PID with the name `pid`.
 
     Args:
-        policy: The policy.
         offered: `ObservationVector.names` of the agent.
 
     Raises:
@@ -94,41 +93,25 @@ class PolicyRunner:
 
 
 class PolicyAgent(Agent):
-    """An agent whose policy is a file."""
+    """An agent whose policy is a file: beside its `program` (`__file__`), which has its card beside it, too."""
+
+    program: ClassVar[str]
 
     def __init__(self, briefing: Briefing) -> None:
         self.pilot = PolicyRunner(briefing, self.policy_of(briefing))
 
-    @abstractmethod
     def policy_of(self, briefing: Briefing) -> Policy:
-        """Return the policy that is to be flown."""
+        """Return the policy of the file beside the program."""
+        load_settings(briefing, self.program)
+        return load_policy(Path(self.program).with_name(POLICY_FILE))
 
     def decide(self, observation: Observation) -> Command:
         """Return the command that the policy chooses."""
         return self.pilot.decide(observation)
 
 
-def load_policy_beside(briefing: Briefing, program: str) -> Policy:
-    """Return the policy of the file beside a bundled agent's program.
-
-    Args:
-        briefing: The agent's briefing.
-        program: The agent's file (`__file__`), with its card beside it.
-
-    Raises:
-        MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
-        PolicyError: the file cannot be read.
-    """
-    load_settings(briefing, program)
-    return load_policy(Path(program).with_name(POLICY_FILE))
-
-
 def bundled_policies(agents: Path) -> dict[str, Path]:
-    """Return the files of policies that stand beside bundled agents, by the agents' names.
-
-    Args:
-        agents: The folder of the agents.
-    """
+    """Return the files of policies that stand beside bundled agents, by the agents' names."""
     return {path.parent.name: path for path in sorted(agents.glob(f"*/{POLICY_FILE}"))}
 
 
@@ -137,7 +120,6 @@ def find_policy(name: str, agents: Path) -> Policy:
 
     Args:
         name: The name, or the path of a `.npz` or `.onnx` file.
-        agents: The folder of the agents.
 
     Raises:
         PolicyError: there is none, or it cannot be read.

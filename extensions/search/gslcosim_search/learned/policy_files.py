@@ -14,7 +14,7 @@ from gslcosim.base.errors import MethodError, UsageError
 from gslcosim.base.files import replace_file
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, read_json, read_npz
 from gslcosim.contract.messages import ParameterValue
-from gslcosim_search.learned.policy import ActionSettings, Policy, PolicyError
+from gslcosim_search.learned.policy import ActionSettings, ArrayPolicy, Policy, PolicyError
 from gslcosim_search.learned.recurrent_networks import CtrnnPolicy, GruPolicy
 from gslcosim_search.learned.value_table import ValueTable
 
@@ -22,7 +22,7 @@ POLICY_SCHEMA = "gslcosim/policy/1"
 CARD = "card"
 # What `gslcosim` writes itself; all else of a card says how the policy came to be.
 OWN_KEYS = ("schema", "kind", "observation_names", "action", "settings")
-KINDS: dict[str, type[Policy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
+KINDS: dict[str, type[ArrayPolicy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
 
 
 def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> None:
@@ -32,7 +32,6 @@ def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> No
 
     Args:
         path: The file, `.npz`; a reader sees the old one or the new one, never a part.
-        policy: The policy.
         card: Plain values under names of their own.
 
     Raises:
@@ -44,7 +43,7 @@ def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> No
         raise UsageError(f"expected a policy's file to end with .npz, was {path.name}.\nFile: {path}")
     if taken := sorted(set(card).intersection(OWN_KEYS)):
         raise UsageError(f"card: expected other names than {', '.join(OWN_KEYS)}, was {', '.join(taken)}.")
-    if policy.kind not in KINDS:
+    if not isinstance(policy, ArrayPolicy):
         raise PolicyError(f"kind: expected one of {', '.join(KINDS)}, was {policy.kind}, which has files of its own.")
     whole = {
         "schema": POLICY_SCHEMA,
@@ -151,7 +150,6 @@ def save_parameters(
 
     Args:
         folder: Where; it is there.
-        method: Name of the method.
         parameters: As scenarios take them.
         card: Plain values: data, seeds, budget, versions, the command.
     """

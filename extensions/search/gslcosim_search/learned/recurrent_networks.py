@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gslcosim_search.learned.policy import (
     Actions,
     ActionSettings,
+    ArrayPolicy,
     Floats,
-    Policy,
     PolicyError,
     add_spread,
     check_arrays,
@@ -19,7 +19,7 @@ from gslcosim_search.learned.policy import (
 )
 
 
-class CtrnnPolicy(Policy):
+class CtrnnPolicy(ArrayPolicy):
     """A continuous-time recurrent network of h neurons whose outputs are read by a linear layer.
 
     tau dy/dt = -y + W s(y + b) + V x, with s(u) = 1 / (1 + exp(-u)); for one step of `dt_s` the inputs of each neuron
@@ -60,7 +60,7 @@ class CtrnnPolicy(Policy):
     ) -> None:
         super().__init__(observation_names, action)
         self.dt_s, self.spread = dt_s, spread
-        self._arrays: dict[str, NDArray[Any]] = {
+        self.arrays = {
             "tau_s": tau_s, "recurrent": recurrent, "bias": bias, "inputs": inputs, "outputs": outputs,
             "output_bias": output_bias,
         }  # fmt: skip
@@ -78,11 +78,6 @@ class CtrnnPolicy(Policy):
         after = driven + (memory - driven) * self._kept
         outputs = _logistic(after + self._bias) @ self._outputs + self._output_bias
         return self.action.chosen(add_spread(outputs, observations, self.spread)), after
-
-    @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """See `Policy`."""
-        return dict(self._arrays)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -113,7 +108,7 @@ def _logistic(u: Floats) -> Floats:
     return np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * u))
 
 
-class GruPolicy(Policy):
+class GruPolicy(ArrayPolicy):
     """A layer of tanh, h gated recurrent units, and a linear layer whose outputs are the actions.
 
     e = tanh(E x + e0); r, z = s(R e + r0 + R' h), s(Z e + z0 + Z' h); n = tanh(N e + n0 + r (N' h + n0'));
@@ -157,7 +152,7 @@ class GruPolicy(Policy):
     ) -> None:
         super().__init__(observation_names, action)
         self.spread = spread
-        self._arrays: dict[str, NDArray[Any]] = {
+        self.arrays = {
             "encoder": encoder, "encoder_bias": encoder_bias, "gates": gates, "gates_bias": gates_bias,
             "recurrent_gates": recurrent_gates, "recurrent_bias": recurrent_bias, "outputs": outputs,
             "output_bias": output_bias,
@@ -179,19 +174,14 @@ class GruPolicy(Policy):
     def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the outputs from which an action is chosen, (n, o), and the next memory; as `act`."""
         h, one = self._n_units, np.float32(1.0)
-        encoded = np.tanh(observations @ self._encoder + self._arrays["encoder_bias"])
-        fed = encoded @ self._gates + self._arrays["gates_bias"]
-        recurrent = memory @ self._recurrent_gates + self._arrays["recurrent_bias"]
+        encoded = np.tanh(observations @ self._encoder + self.arrays["encoder_bias"])
+        fed = encoded @ self._gates + self.arrays["gates_bias"]
+        recurrent = memory @ self._recurrent_gates + self.arrays["recurrent_bias"]
         both = np.float32(0.5) * (one + np.tanh(np.float32(0.5) * (fed[:, : 2 * h] + recurrent[:, : 2 * h])))
         reset, kept = both[:, :h], both[:, h:]
         new = np.tanh(fed[:, 2 * h :] + reset * recurrent[:, 2 * h :])
         after = (one - kept) * new + kept * memory
-        return after @ self._outputs + self._arrays["output_bias"], after
-
-    @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """See `Policy`."""
-        return dict(self._arrays)
+        return after @ self._outputs + self.arrays["output_bias"], after
 
     @property
     def settings(self) -> dict[str, Any]:

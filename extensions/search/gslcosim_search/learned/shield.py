@@ -44,7 +44,6 @@ def shield_velocity(
         directions: (n, 2) of the rays in the plane, body frame.
         yaw_sin: Sine of the vehicle's yaw.
         yaw_cos: Its cosine.
-        keep_m: Distance to keep from obstacles [m].
         reach_m: How far the highest speed leads until the vehicle stands [m].
 
     Held by:

@@ -13,8 +13,8 @@ from gslcosim_search.learned.encoding import N_HEADINGS
 from gslcosim_search.learned.policy import (
     Actions,
     ActionSettings,
+    ArrayPolicy,
     Floats,
-    Policy,
     PolicyError,
     check_arrays,
     check_number,
@@ -180,7 +180,7 @@ def nth_best_choices(values: Floats, ranks: Floats) -> States:
     return order[np.arange(len(values)), ranks.astype(np.int64) % values.shape[1]]
 
 
-class ValueTable(Policy):
+class ValueTable(ArrayPolicy):
     """Takes the choice that a table values most in the state that digits make of the observations.
 
     The state is the number that the digits make, the first one counting most. With `turns_with`, the names of the sine
@@ -218,7 +218,7 @@ class ValueTable(Policy):
         super().__init__(observation_names, action)
         if not action.n_choices:
             raise PolicyError(f"action.kind: expected one with choices (heading) for a table, was {action.kind!r}.")
-        self.digits, self.values = tuple(digits), values
+        self.digits, self.values, self.arrays = tuple(digits), values, {"values": values}
         self.turns_with, self.yields_with, self.explores = turns_with, yields_with, explores
         read = [name for digit in self.digits for name in digit.observed] + list(turns_with or ())
         read += [] if yields_with is None else [yields_with]
@@ -263,11 +263,6 @@ class ValueTable(Policy):
             shares, n_choices = even_numbers(observations, 2), self.values.shape[1]
             choices = np.where(shares[:, 0] < self.explores, (shares[:, 1] * n_choices).astype(np.int64), choices)
         return self.turned(choices, observations), after
-
-    @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """See `Policy`."""
-        return {"values": self.values}
 
     @property
     def settings(self) -> dict[str, Any]:

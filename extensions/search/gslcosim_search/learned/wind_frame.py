@@ -91,7 +91,6 @@ def advance_wind_frame(
         first: Where the numbers of the frame begin.
         half_x_m: Half the length of the room along x [m].
         half_y_m: The same along y.
-        time_limit_s: Time limit of the search [s].
 
     Held by:
         extensions/search/tests/unit/learned/test_wind_frame.py

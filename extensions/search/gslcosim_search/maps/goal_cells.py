@@ -26,7 +26,6 @@ class GoalCells:
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
             reach_cells: How far from a visited cell goals may lie, along the way [cells].
             flyable: Those of the free cells that the robot can be sent to; absent: all.
         """

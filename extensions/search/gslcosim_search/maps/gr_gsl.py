@@ -1,12 +1,15 @@
 # pyright: basic
-"""GrGSL: a belief over free cells, shaped by hits and the wind of the moment, that goes round obstacles as gas does."""
+"""GrGSL: a belief over free cells, shaped by hits and the wind of the moment, that goes round obstacles as gas does.
+
+Held by:
+    extensions/search/tests/unit/maps/test_gr_gsl.py
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -48,8 +51,6 @@ def spread_weights(free, length, order, direction_rad, sigma_rad, core_rad):
         Ojeda, Monroy, Gonzalez-Jimenez 2021, RA-L (GrGSL), windows and ties as in the public code [C].
     Deviation:
         Cells of the window that only a way around an obstacle leads to inherit, as those outside do.
-    Held by:
-        extensions/search/tests/unit/maps/test_gr_gsl.py
     """
     nx, ny = free.shape
     weight = np.zeros(nx * ny)
@@ -107,8 +108,6 @@ def information_gain_nats(p, hit_weight, miss_weight):
         Ojeda, Monroy, Gonzalez-Jimenez 2021, RA-L (GrGSL): expected divergence of hit and miss [C].
     Deviation:
         The chance of a hit is the weighted belief: in full where all mass is straight upwind.
-    Held by:
-        extensions/search/tests/unit/maps/test_gr_gsl.py
     """
     chance, missed = 0.0, 0.0
     for c in range(p.size):
@@ -150,11 +149,6 @@ class GrGslSettings:
     reach_cells: float = 5.0
     candidates: int = 60
 
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> "GrGslSettings":
-        """Return the figures that go by these names in the settings of a method's card."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
-
 
 class GrGsl(GoalCells):
     """Believes where the source is, cell by cell, from hits and misses with the wind at the robot.
@@ -180,8 +174,6 @@ class GrGsl(GoalCells):
         begins at the start; here there is none. A hit without a wind moves that place, and changes the belief no more
         than there. At most `candidates` places are compared, the most probable ones; of equally probable ones such as
         lie evenly over the plan. There all are.
-    Held by:
-        extensions/search/tests/unit/maps/test_gr_gsl.py
     """
 
     def __init__(
@@ -191,8 +183,6 @@ class GrGsl(GoalCells):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
-            settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
         self.settings = settings or GrGslSettings()

@@ -1,6 +1,11 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Kernel DM+V gas distribution maps: mean and variance of the gas everywhere, from readings on the way."""
+"""Kernel DM+V gas distribution maps: mean and variance of the gas everywhere, from readings on the way.
+
+Held by:
+    extensions/search/tests/unit/maps/test_gas_mapping.py
+    extensions/search/tests/unit/maps/test_kernel_dm.py
+"""
 
 import math
 from collections import deque
@@ -128,8 +133,6 @@ class KernelMap:
     Deviation:
         The exponent of the confidence differs between public ports; this is the square of Omega over its scale, in
         units of the kernel's height.
-    Held by:
-        extensions/search/tests/unit/maps/test_kernel_dm.py
     """
 
     def __init__(self, grid: CellGrid, widths: KernelWidths | None = None, *, max_readings: int | None = None) -> None:
@@ -223,8 +226,6 @@ class ReadingCollector:
 
     Source:
         Shifting readings back by the lag: 2 to 3 s for MOX sensors, remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/maps/test_gas_mapping.py
     """
 
     def __init__(self, nose: Nose, vane: Vane | None = None, *, every_s: float, lag_s: float) -> None:
@@ -274,8 +275,6 @@ def choose_next_cell(
 
     Source:
         Sum of predicted gas and ignorance, common in informative path planning; the price of the way is ours.
-    Held by:
-        extensions/search/tests/unit/maps/test_gas_mapping.py
     """
     possible = flyable & np.isfinite(lengths_m)
     if not possible.any():

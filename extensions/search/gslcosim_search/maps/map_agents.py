@@ -13,6 +13,7 @@ from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim_search.beliefs import normalised
 from gslcosim_search.maps import kernel_dm
 from gslcosim_search.maps.kernel_dm import KernelMap, KernelWidths, ReadingCollector, choose_next_cell
+from gslcosim_search.maps.pmfs import Pmfs
 from gslcosim_search.maps.wind_map import WindMap, WindWeights
 from gslcosim_search.motion.coverage import lawnmower_path_m
 from gslcosim_search.motion.declaration import Estimate, UnchangedRule, by_variance
@@ -122,6 +123,24 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
             return self.flights.stay(observation)
         self.flights.go_to(self.flights.grid.centre_m(cell))
         return self.flights.leg(observation) or self.flights.stay(observation)
+
+
+class HitMapAgent(StopMapAgent[Pmfs]):
+    """Stops, maps hits and the wind, and goes on to where believed sources disagree most: PMFS in either form."""
+
+    def learn_stop(self, stop: Stop) -> None:
+        """Take in what was measured at a stop, and score sources where that is due."""
+        self.method.visit(stop.position_m)
+        if stop.wind is not None:
+            self.winds.add(stop.position_m, stop.wind_world_m_s())
+        if stop.findings:
+            self.method.update(stop.position_m, [finding.is_hit for finding in stop.findings], stop.wind_world_m_s())
+        if self.method.is_update_due(has_findings=bool(stop.findings)):
+            self.method.score(self.winds.wind_m_s())
+
+    def next_goal(self, observation: Observation) -> tuple[int, ...] | None:
+        """Return the cell where believed sources disagree most, or None where none is left."""
+        return self.method.next_goal(observation.position_world_m, self.draws)
 
 
 class KernelMapAgent(MapAgent):

@@ -1,11 +1,15 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it."""
+"""PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it.
+
+Held by:
+    extensions/search/tests/unit/maps/test_backward_plume.py
+    extensions/search/tests/unit/maps/test_pmfs.py
+"""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from types import SimpleNamespace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numba
@@ -49,7 +53,6 @@ def transport_band(numbers, n_free, width, wind_m_s, diffusivity_m2_s, loss_per_
 
     Args:
         numbers: (nx, ny) int64, number of each free cell, -1 in solid ones.
-        n_free: How many free cells there are.
         width: Half the width of the band: no two neighbours' numbers differ by more.
         wind_m_s: (nx, ny, 2) wind at the cell centres, world frame [m/s].
         diffusivity_m2_s: Eddy diffusivity D [m2/s], > 0.
@@ -61,8 +64,6 @@ def transport_band(numbers, n_free, width, wind_m_s, diffusivity_m2_s, loss_per_
 
     Source:
         Scharfetter and Gummel 1969, doi:10.1109/T-ED.1969.16566 (exponentially fitted fluxes).
-    Held by:
-        extensions/search/tests/unit/maps/test_backward_plume.py
     """
     nx, ny = numbers.shape
     band = np.zeros((n_free, 2 * width + 1))
@@ -114,8 +115,6 @@ class BackwardPlume:
     Source:
         The adjoint of the advection-diffusion equation; in place of the simulations of filaments of PMFS (Ojeda,
         Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879).
-    Held by:
-        extensions/search/tests/unit/maps/test_backward_plume.py
     """
 
     def __init__(self, free: Free, cell_m: float, wind_m_s: Array, model: PlumeModel) -> None:
@@ -123,9 +122,7 @@ class BackwardPlume:
 
         Args:
             free: (nx, ny) whether a cell is free.
-            cell_m: Edge of the cells [m].
             wind_m_s: (nx, ny, 2) wind at the cell centres, world frame [m/s].
-            model: The nominal plume.
         """
         self._free, self._puffs = free, model.puffs_per_s * cell_m**2
         self._numbers = _numbered(free)
@@ -142,9 +139,6 @@ class BackwardPlume:
 
     def shares(self, cells: Sequence[Sequence[int]]) -> Array:
         """Return (n_cells, n_free) the share of the time with gas in each of some cells, by source.
-
-        Args:
-            cells: Free cells.
 
         Returns:
             Sources in the order of `array[free]`, C order of the free cells.
@@ -197,8 +191,6 @@ def stretched_kernel(free, length, order, wind_x, wind_y, sigma, stretch):
 
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS), with the public code's window [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     nx, ny, _ = free.shape
     weight = np.zeros(nx * ny)
@@ -253,12 +245,9 @@ def trust_inplace(omega, length, order, sigma):
         omega: (nx ny,) sums so far; modified.
         length: (nx ny,) lengths of the shortest paths from the cell of the measurement [units].
         order: (n_reached,) cells, nearest first.
-        sigma: Reach of a measurement [cells].
 
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS) [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     for cell in order:
         far = length[cell] / (UNITS_PER_CELL * sigma)
@@ -283,8 +272,6 @@ def add_log_score_inplace(log_score, shares, measured, confidence, least):
     Source:
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS): product of 1 - conf + conf (1 - kd |difference|)
         with kd = 1 [C].
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     product = np.ones(shares.shape[1])
     for m in range(shares.shape[0]):
@@ -308,9 +295,6 @@ def disagreement(shares, p):
 
     Returns:
         (n_cells,) variances.
-
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
     variance = np.zeros(shares.shape[0])
     for m in range(shares.shape[0]):
@@ -330,7 +314,7 @@ _VIEW_CELLS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PmfsSettings:
+class PmfsSettings(PlumeModel):
     """Figures of PMFS; lengths in cells.
 
     Hit map: `prior`, `hit_target` and `miss_target` are probabilities; `kernel_cells` and `stretch_s_m` its reach.
@@ -354,19 +338,6 @@ class PmfsSettings:
     candidates: int = 100
     explore_frac: float = 0.1
     explore_first: int = 5
-    plume: PlumeModel = field(default_factory=PlumeModel)
-
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> "PmfsSettings":
-        """Return the figures that go by these names in the settings of a method's card."""
-        names = [item.name for item in fields(cls) if item.name != "plume"]
-        plume = PlumeModel(**{item.name: getattr(settings, item.name) for item in fields(PlumeModel)})
-        return cls(plume=plume, **{name: getattr(settings, name) for name in names})
-
-    @classmethod
-    def of_hit_map(cls, settings: SimpleNamespace) -> "PmfsSettings":
-        """Return the figures that go by these names, of a method that has no backward plume; others are as usual."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls) if hasattr(settings, item.name)})
 
 
 class Pmfs(GoalCells):
@@ -391,8 +362,6 @@ class Pmfs(GoalCells):
         of a few hundred candidates: every cell is a candidate, and nothing is drawn at random. The product runs over
         trusted cells only, so that cells nobody measured do not count. A score may be tempered: neighbouring cells
         share their measurements, and the model is not the room.
-    Held by:
-        extensions/search/tests/unit/maps/test_pmfs.py
     """
 
     bounds_log_odds: ClassVar[bool] = True
@@ -404,8 +373,6 @@ class Pmfs(GoalCells):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
-            settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
         self.settings = settings or PmfsSettings()
@@ -442,13 +409,17 @@ class Pmfs(GoalCells):
         if self.bounds_log_odds:
             self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
 
+    def is_update_due(self, *, has_findings: bool) -> bool:
+        """Return whether sources are to be scored at a stop: wherever something was found out."""
+        return has_findings
+
     def score(self, wind_m_s: Array) -> None:
         """Believe again, in a wind.
 
         Args:
             wind_m_s: (nx, ny, 2) wind as it is estimated, world frame [m/s].
         """
-        self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings.plume)
+        self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings)
         confidence = self.confidence
         cells = _find_largest_cells(
             np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored

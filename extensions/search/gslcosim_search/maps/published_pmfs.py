@@ -1,12 +1,15 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""PMFS as published: candidate sources are scored by simulations of filaments in the estimated wind."""
+"""PMFS as published: candidate sources are scored by simulations of filaments in the estimated wind.
+
+Held by:
+    extensions/search/tests/unit/maps/test_published_pmfs.py
+"""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from types import SimpleNamespace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -67,15 +70,12 @@ def simulate_hit_shares(
         low_j: See `low_i`.
         n_i: Number of its cells along x; so is `n_j` along y.
         n_j: See `n_i`.
-        n_released: Filaments of each step.
         step_s: dt [s].
         noise_cells_s: sigma [cells/s], of each component.
         n_warm_up: Maximum number of steps of warming up.
-        n_recorded: Number of recorded steps.
         is_open: Whether filaments leave through the edges of the grid; otherwise edges are walls.
         normals: (n, 2) standard normal numbers, gone through in a circle.
         fractions: (n, 2) numbers uniform in [0, 1), of starts.
-        first: Index of the first of them.
 
     Returns:
         (nx, ny) shares, and the index after the last number used.
@@ -84,8 +84,6 @@ def simulate_hit_shares(
         Ojeda, Monroy, Gonzalez-Jimenez 2024, arXiv 2304.08879 (PMFS), by what the public code does [C].
     Deviation:
         Positions are checked each half cell on the way instead of by visibility of the end.
-    Held by:
-        extensions/search/tests/unit/maps/test_published_pmfs.py
     """
     n_random = normals.shape[0]
     hits = np.zeros(free.shape)
@@ -185,11 +183,6 @@ class FilamentSettings:
     stops_per_update: int = 3
     edges: str = "open"
 
-    @classmethod
-    def of(cls, settings: SimpleNamespace) -> Self:
-        """Return the figures that go by these names in the settings of a method's card."""
-        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
-
 
 class PublishedPmfs(Pmfs):
     """PMFS with forward simulations of filaments, the score and the goals of the paper.
@@ -213,8 +206,6 @@ class PublishedPmfs(Pmfs):
         The first regions are squares, halved where something is solid, instead of fused leaves of a quadtree. Of
         equally good goals one is drawn: the public code takes the first in the order of a hash table. Random numbers
         are a fixed set from the agent's seed.
-    Held by:
-        extensions/search/tests/unit/maps/test_published_pmfs.py
     """
 
     bounds_log_odds: ClassVar[bool] = False
@@ -233,9 +224,7 @@ class PublishedPmfs(Pmfs):
 
         Args:
             free: (nx, ny) cells that gas can reach.
-            grid: The cells.
             settings: Figures of the hit map, of trust and of motion; those of the backward plume do not count.
-            filaments: Figures of the simulations.
             draws: Where random numbers of the simulations come from.
             flyable: Those of the free cells that the robot can be sent to; absent: all.
         """
@@ -257,8 +246,9 @@ class PublishedPmfs(Pmfs):
         self._is_open |= self._near_in_sight(cell)
         self._is_closed[_around(cell, 1)] = True
 
-    def is_update_due(self) -> bool:
-        """Count a stop, and return whether sources are to be scored at it."""
+    def is_update_due(self, *, has_findings: bool) -> bool:
+        """Count a stop, with findings or without, and return whether sources are to be scored at it."""
+        del has_findings
         self._n_stops += 1
         return self._n_stops >= self.settings.explore_first and self._n_stops % self._filaments.stops_per_update == 0
 

@@ -221,7 +221,6 @@ class WindMap:
 
         Args:
             free: (nx, ny) whether a cell is free.
-            grid: The cells.
             weights: How much each term counts.
             edges: Whether the edges of the grid are walls, or whether the wind passes them.
         """
@@ -232,11 +231,6 @@ class WindMap:
         self._sums: dict[int, tuple[float, float, float]] = {}  # by cell's number: weight, weighted x and y
         self._columns: dict[int, Array] = {}
         self._estimate: Array | None = None
-
-    @property
-    def n_cells_read(self) -> int:
-        """In how many cells the wind was read."""
-        return len(self._sums)
 
     def add(self, point_m: Sequence[float], wind_world_m_s: Sequence[float]) -> None:
         """Take note of the wind at a point, [m] and [m/s]; it counts for the free cell nearest to it."""
@@ -258,14 +252,6 @@ class WindMap:
         if self._estimate is None:
             self._estimate = self._estimated()
         return self._estimate
-
-    def wind_at_m_s(self, point_m: Sequence[float]) -> tuple[float, float]:
-        """Return the wind in the free cell nearest to a point, world frame [m/s]."""
-        cell = nearest_free(self._free, self._grid, point_m)
-        if cell is None:
-            return 0.0, 0.0
-        x_m_s, y_m_s = self.wind_m_s()[cell]
-        return float(x_m_s), float(y_m_s)
 
     # Two rows: the field that belongs to a unit of x, and of y, in that cell.
     def _columns_of(self, number: int) -> Array:

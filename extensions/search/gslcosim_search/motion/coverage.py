@@ -2,6 +2,10 @@
 
 The nearest square across the wind comes first. In an empty room this flies lanes across the wind; after gas was
 followed and lost again, what was seen meanwhile is left out.
+
+Held by:
+    extensions/search/tests/unit/motion/test_coverage_grid.py
+    extensions/search/tests/unit/motion/test_lawnmower.py
 """
 
 import math
@@ -23,8 +27,6 @@ class CoverageGrid:
 
     Source:
         Ours: a sweep in lanes that may be left and taken up again anywhere.
-    Held by:
-        extensions/search/tests/unit/motion/test_coverage_grid.py
     """
 
     def __init__(self, room: LegSpace, *, edge_m: float, along_weight: float = 2.0) -> None:
@@ -32,7 +34,6 @@ class CoverageGrid:
 
         Args:
             room: Where legs may end; it is cut into equal rectangles that are no longer than the edge.
-            edge_m: Greatest edge of a square [m].
             along_weight: k, how much farther a way along the wind counts.
         """
         self._columns_m = _middles(room.min_m[0], room.max_m[0], edge_m)
@@ -61,7 +62,6 @@ class CoverageGrid:
         """Return the centre of the next square to visit, world frame [m].
 
         Args:
-            here_m: Where the vehicle is [m].
             upwind_rad: Where the wind comes from; absent: as if from x [rad].
         """
         if not self._unseen:
@@ -98,12 +98,9 @@ def lawnmower_path_m(room: LegSpace, spacing_m: float, start_m: Sequence[float])
     Args:
         room: Its margin is left out.
         spacing_m: Distance of neighbouring lanes at most [m].
-        start_m: Where the vehicle is [m].
 
     Source:
         Textbook (boustrophedon path of a rectangle).
-    Held by:
-        extensions/search/tests/unit/motion/test_lawnmower.py
     """
     low, high = room.min_m[:2], room.max_m[:2]
     near = tuple(a if abs(x - a) <= abs(x - b) else b for x, a, b in zip(start_m, low, high))

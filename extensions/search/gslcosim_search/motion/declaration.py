@@ -1,4 +1,10 @@
-"""Declaration rules of each family of methods, and a guard against repeated declarations."""
+"""Declaration rules of each family of methods, and a guard against repeated declarations.
+
+Held by:
+    extensions/search/tests/unit/motion/test_declaration.py
+    extensions/search/tests/unit/motion/test_plume_end.py
+    extensions/search/tests/unit/test_plume_fit.py
+"""
 
 import math
 from collections import deque
@@ -23,6 +29,20 @@ Point = tuple[float, ...]
 Array = NDArray[np.float64]
 # And a bit, for three stops exactly that far apart.
 _THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
+# How close together the last stops are [m], and which share of the most gas counts as lost.
+_TOGETHER_M, _LOST_SHARE = 1.5, 0.5
+# Of missions that ask for a declaration: how far an estimate may move and count as the same [m], and the time from one
+# reading to the next that counts [s].
+_STILL_M, _PERIOD_S = 0.5, 1.0
+# How many thresholds the greatest reading of a plume has, which share of it is strong, how far from it the upwind end
+# may be, and how far from the end readings belong to it, in the plane [m].
+_PEAK_FACTOR, _STRONG_SHARE, _REACH_M, _NEAR_M = 5.0, 0.1, 4.0, 1.5
+# From how far upwind of the end clean air counts [m], and how many readings of it are enough: three take as long as a
+# PID needs to respond.
+_EDGE_M, _N_CLEAN = 1.0, 3
+# Of the fit of a straight plume: how many readings with gas are enough, which advantage and which share within a metre
+# are enough early [nat], and the time constant of the mean of the wind [s].
+_N_GAS, _LEAST_NATS, _LEAST_SHARE, _SMOOTH_S = 10, 1.0, 0.8, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,13 +57,9 @@ class DeclarationGuard:
     """Lets an estimate pass once: again only when it has moved, or when it is surer.
 
     State: the last estimate that passed.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, moved_m: float = 0.5, surer_by: float = 0.1) -> None:
-        """Begin with nothing declared."""
         self.last: Estimate | None = None
         self._moved_m, self._surer_by = moved_m, surer_by
 
@@ -70,10 +86,10 @@ class _Stop:
 class ReactiveRule:
     """Declares when the last legs stayed together in much gas whose upwind edge was crossed.
 
-    1. the last `n_legs` stops lie within `radius_m` of their mean
-    2. their mean gas is above `factor` times `threshold`
-    3. an upwind edge: there is a stop at least `edge_m` farther upwind than the stop with the most gas, and all such
-       stops have less than `edge_share` of that gas, or none (at most `threshold`)
+    1. the last `n_legs` stops lie within 1.5 m of their mean
+    2. their mean gas is above 5 times `threshold`
+    3. an upwind edge: there is a stop at least 1 m farther upwind than the stop with the most gas, and all such
+       stops have less than half of that gas, or none (at most `threshold`)
 
     The estimate is the mean of the stops with gas (above `threshold`), weighted by it; its confidence is their share.
     Without a wind (`upwind_rad` absent) the gas must end all around: rule 3 then takes every stop that far away, and
@@ -84,8 +100,6 @@ class ReactiveRule:
     Source:
         Our rule; no reactive method of the literature but that of Li, Farrell et al. 2006 defines one. The edge is
         virtual: it is read off the stops, no leg is flown for it.
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(
@@ -93,23 +107,14 @@ class ReactiveRule:
         *,
         threshold: float,
         n_legs: int = 12,
-        radius_m: float = 1.5,
-        factor: float = 5.0,
-        edge_m: float = 1.0,
-        edge_share: float = 0.5,
     ) -> None:
         """Begin without stops.
 
         Args:
             threshold: The least gas that counts, in the unit in which gas is added.
             n_legs: How many legs must agree, K.
-            radius_m: How close together they are [m].
-            factor: How many times the threshold their mean gas is.
-            edge_m: How far upwind of the most gas it must be lost [m].
-            edge_share: Which share of the most gas counts as lost.
         """
-        self._threshold, self._radius_m, self._factor = threshold, radius_m, factor
-        self._edge_m, self._edge_share = edge_m, edge_share
+        self._threshold = threshold
         self._stops: deque[_Stop] = deque(maxlen=n_legs)
 
     def add(self, position_m: Sequence[float], gas: float) -> None:
@@ -125,7 +130,7 @@ class ReactiveRule:
         stops = tuple(self._stops)
         if len(stops) < (self._stops.maxlen or 0) or not self._are_together(stops):
             return None
-        if not sum(stop.gas for stop in stops) / len(stops) > self._factor * self._threshold:
+        if not sum(stop.gas for stop in stops) / len(stops) > _PEAK_FACTOR * self._threshold:
             return None
         if not self._has_edge(stops, upwind_rad):
             return None
@@ -135,12 +140,12 @@ class ReactiveRule:
     def _are_together(self, stops: Sequence[_Stop]) -> bool:
         n = len(stops)
         mean_m = [sum(column) / n for column in zip(*(stop.position_m for stop in stops))]
-        return all(math.dist(stop.position_m, mean_m) <= self._radius_m for stop in stops)
+        return all(math.dist(stop.position_m, mean_m) <= _TOGETHER_M for stop in stops)
 
     def _has_edge(self, stops: Sequence[_Stop], upwind_rad: float | None) -> bool:
         best = max(stops, key=lambda stop: stop.gas)
-        beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= self._edge_m]
-        lost = max(self._threshold, self._edge_share * best.gas)
+        beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= _EDGE_M]
+        lost = max(self._threshold, _LOST_SHARE * best.gas)
         if not beyond or any(stop.gas > lost for stop in beyond):
             return False
         return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
@@ -155,17 +160,17 @@ class _Whiff(_Stop):
 class PlumeEndRule:
     """Declares the upwind end of the gas that was met, with clean air upwind of it, or when time runs out.
 
-    1. strong readings: at least `share` of the greatest one, at most `reach_m` from it, in a wind within 60 degrees of
+    1. strong readings: at least 0.1 of the greatest one, at most 4 m from it, in a wind within 60 degrees of
        the one there
     2. the end: the strong reading farthest upwind; without a wind the greatest reading
-    3. the estimate: the mean place of the strong readings within `near_m` of the end, weighted by their gas
-    4. clean air: of the readings in that wind from `edge_m` to `reach_m` upwind of the end and at most `near_m` beside
-       it, at least `n_clean` are without gas, and more than half; or the bounds end before `edge_m`. Without a wind
+    3. the estimate: the mean place of the strong readings within 1.5 m of the end, weighted by their gas
+    4. clean air: of the readings in that wind from 1 m to 4 m upwind of the end and at most 1.5 m beside
+       it, at least 3 are without gas, and more than half; or the bounds end before 1 m. Without a wind
        nothing is asked
-    5. it is declared when the greatest reading is above `factor` thresholds, and the estimate has stayed within
-       `still_m` for `wait_s` with clean air upwind of it, or it is later than `latest_s`
+    5. it is declared when the greatest reading is above 5 thresholds, and the estimate has stayed within
+       0.5 m for `wait_s` with clean air upwind of it, or it is later than `latest_s`
 
-    The confidence is the share of the strong readings' gas that lies within `near_m` of the end, times the share of
+    The confidence is the share of the strong readings' gas that lies within 1.5 m of the end, times the share of
     clean readings upwind of it: 0 where time runs out and nobody was there. Gas is met downwind of a source and not
     upwind of it, so the end is a better estimate than the greatest reading: where the source is higher or lower than
     the nose, the most gas is metres downwind. In air that turns in a room, gas goes on upwind of such an end.
@@ -180,8 +185,6 @@ class PlumeEndRule:
     Deviation:
         One pass up the plume and out of it is enough, readings on the way count, and it is judged after a time: Li's
         rule (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
-    Held by:
-        extensions/search/tests/unit/motion/test_plume_end.py
     """
 
     def __init__(
@@ -190,14 +193,6 @@ class PlumeEndRule:
         threshold: float,
         wait_s: float,
         latest_s: float,
-        factor: float = 5.0,
-        share: float = 0.1,
-        reach_m: float = 4.0,
-        near_m: float = 1.5,
-        still_m: float = 0.5,
-        period_s: float = 1.0,
-        edge_m: float = 1.0,
-        n_clean: int = 3,
         bounds: Bounds | None = None,
     ) -> None:
         """Begin without gas.
@@ -206,21 +201,10 @@ class PlumeEndRule:
             threshold: The least gas that counts, in the unit in which gas is added.
             wait_s: For how long the estimate must stay [s].
             latest_s: When it is declared even if it has not stayed [s].
-            factor: How many thresholds the greatest reading must have.
-            share: Which share of the greatest reading is strong.
-            reach_m: How far from the greatest reading the end may be, in the plane [m].
-            near_m: How far from the end readings belong to it, in the plane [m].
-            still_m: How far the estimate may move and count as the same [m].
-            period_s: Time from one reading to the next that counts, with gas and without [s].
-            edge_m: From how far upwind of the end clean air counts [m].
-            n_clean: How many readings of clean air are enough; three take as long as a PID needs to respond.
             bounds: Of the room; absent: there are none near.
         """
-        self._threshold, self._factor, self._share = threshold, factor, share
-        self._reach_m, self._near_m = reach_m, near_m
-        self._latest_s, self._period_s = latest_s, period_s
-        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
-        self._edge_m, self._n_clean, self._bounds = edge_m, n_clean, bounds
+        self._threshold, self._latest_s, self._bounds = threshold, latest_s, bounds
+        self._unchanged = UnchangedRule(radius_m=_STILL_M, n_legs=1, for_s=wait_s)
         self._whiffs: list[_Whiff] = []
         self._clean: list[_Whiff] = []
         self._peak: _Whiff | None = None
@@ -229,10 +213,10 @@ class PlumeEndRule:
     def add(self, time_s: float, position_m: Sequence[float], gas: float, upwind_rad: float | None) -> None:
         """Take note of a reading: its place, what grows with the gas, and where the wind comes from [rad]."""
         whiff = _Whiff(position_m=tuple(position_m), gas=gas, upwind_rad=upwind_rad)
-        if gas <= self._threshold and time_s >= self._last_clean_s + self._period_s:
+        if gas <= self._threshold and time_s >= self._last_clean_s + _PERIOD_S:
             self._last_clean_s = time_s
             self._clean.append(whiff)
-        if not (self._threshold < gas < math.inf) or time_s < self._last_s + self._period_s:
+        if not (self._threshold < gas < math.inf) or time_s < self._last_s + _PERIOD_S:
             return
         self._last_s = time_s
         self._whiffs.append(whiff)
@@ -241,7 +225,7 @@ class PlumeEndRule:
 
     def estimate(self, time_s: float) -> Estimate | None:
         """Return the estimate of the source, if all conditions hold now."""
-        if self._peak is None or not self._peak.gas > self._factor * self._threshold:
+        if self._peak is None or not self._peak.gas > _PEAK_FACTOR * self._threshold:
             return None
         strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, self._peak)]
         end = self._find_end(strong, self._peak)
@@ -267,29 +251,29 @@ class PlumeEndRule:
         if not n_clean + n_gas and self._ends_before_edge(end, upwind_rad):
             return True, 1.0
         share = n_clean / max(1, n_clean + n_gas)
-        return n_clean >= self._n_clean and share > 0.5, share
+        return n_clean >= _N_CLEAN and share > 0.5, share
 
     def _is_upwind(self, one: _Whiff, end: _Whiff, upwind_rad: float) -> bool:
         ahead_m, beside_m = _ahead_m(end, one, upwind_rad), _ahead_m(end, one, upwind_rad + math.pi / 2.0)
-        is_in_strip = self._edge_m <= ahead_m <= self._reach_m and abs(beside_m) <= self._near_m
+        is_in_strip = _EDGE_M <= ahead_m <= _REACH_M and abs(beside_m) <= _NEAR_M
         return is_in_strip and _agree(one.upwind_rad, upwind_rad)
 
     def _ends_before_edge(self, end: _Whiff, upwind_rad: float) -> bool:
         if self._bounds is None:
             return False
-        steps_m = (self._edge_m * math.cos(upwind_rad), self._edge_m * math.sin(upwind_rad))
+        steps_m = (_EDGE_M * math.cos(upwind_rad), _EDGE_M * math.sin(upwind_rad))
         edge_m = [x + step for x, step in zip(end.position_m, steps_m)]
         return any(not low <= x <= high for low, x, high in zip(self._bounds.min_m, edge_m, self._bounds.max_m))
 
     def _estimate_at(self, end: _Whiff, strong: Sequence[_Whiff]) -> Estimate:
-        near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= self._near_m]
+        near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= _NEAR_M]
         confidence = sum(whiff.gas for whiff in near) / sum(whiff.gas for whiff in strong)
         return Estimate(position_m=_centre(near), confidence=min(1.0, confidence))
 
     def _is_strong(self, whiff: _Whiff, peak: _Whiff) -> bool:
-        if whiff.gas < self._share * peak.gas or not _agree(whiff.upwind_rad, peak.upwind_rad):
+        if whiff.gas < _STRONG_SHARE * peak.gas or not _agree(whiff.upwind_rad, peak.upwind_rad):
             return False
-        return math.dist(whiff.position_m[:2], peak.position_m[:2]) <= self._reach_m
+        return math.dist(whiff.position_m[:2], peak.position_m[:2]) <= _REACH_M
 
 
 # Directions no more than 60 degrees apart; one that is not known agrees with all.
@@ -300,20 +284,18 @@ def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
 class PlumeFitRule:
     """Declares the source of a straight plume (`plume_fit.PlumeFit`), where such a plume explains the readings.
 
-    1. at least `n_gas` readings with gas, one reading a period, and an advantage of the fit above 0
-    2. the advantage is at least `least_nats`, the share within a metre at least `least_share`, and the place has stayed
-       within `still_m` for `wait_s`; or it is later than `latest_s`
+    1. at least 10 readings with gas, one reading a period, and an advantage of the fit above 0
+    2. the advantage is at least 1 nat, the share within a metre at least 0.8, and the place has stayed
+       within 0.5 m for `wait_s`; or it is later than `latest_s`
 
     The confidence is share (1 - exp(-advantage)): the probability that the fit gives, times a trust in its plume.
-    The wind of a reading is the running mean over `smooth_s`; while there is none nothing is noted.
+    The wind of a reading is the running mean over 20 s; while there is none nothing is noted.
 
     State: the fit, the running mean of the wind, for how long the place has stayed, and `explains`: whether a straight
     plume explained the readings better than gas that may be met anywhere when the estimate was asked for.
 
     Source:
         The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
-    Held by:
-        extensions/search/tests/unit/test_plume_fit.py
     """
 
     def __init__(
@@ -322,12 +304,6 @@ class PlumeFitRule:
         *,
         wait_s: float,
         latest_s: float,
-        n_gas: int = 10,
-        least_nats: float = 1.0,
-        least_share: float = 0.8,
-        still_m: float = 0.5,
-        smooth_s: float = 20.0,
-        period_s: float = 1.0,
     ) -> None:
         """Begin without readings.
 
@@ -335,17 +311,9 @@ class PlumeFitRule:
             fit: New, without readings.
             wait_s: For how long the place must stay [s].
             latest_s: When it is declared even if it has not stayed [s].
-            n_gas: How many readings with gas are enough.
-            least_nats: Which advantage of the fit is enough early [nat].
-            least_share: Which share within a metre is enough early.
-            still_m: How far the place may move and count as the same [m].
-            smooth_s: Time constant of the mean of the wind [s].
-            period_s: Time from one reading to the next that counts [s].
         """
-        self._fit, self._latest_s, self._n_gas = fit, latest_s, n_gas
-        self._least_nats, self._least_share = least_nats, least_share
-        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
-        self._smooth_s, self._period_s = smooth_s, period_s
+        self._fit, self._latest_s = fit, latest_s
+        self._unchanged = UnchangedRule(radius_m=_STILL_M, n_legs=1, for_s=wait_s)
         self.explains = False
         self._wind_m_s = (0.0, 0.0)
         self._last_wind_s: float | None = None
@@ -354,10 +322,10 @@ class PlumeFitRule:
     def add(self, time_s: float, position_m: Sequence[float], level: float, wind_m_s: Sequence[float]) -> None:
         """Take note of a reading: its place, its level above clean air, and the wind there, world frame [m/s]."""
         u, v = self._wind_m_s
-        share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / self._smooth_s)
+        share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / _SMOOTH_S)
         self._wind_m_s = (u + share * (wind_m_s[0] - u), v + share * (wind_m_s[1] - v))
         self._last_wind_s = time_s
-        if time_s < self._last_s + self._period_s or not math.hypot(*self._wind_m_s) > 0.0:
+        if time_s < self._last_s + _PERIOD_S or not math.hypot(*self._wind_m_s) > 0.0:
             return
         self._last_s = time_s
         self._fit.add(position_m, level, math.atan2(self._wind_m_s[1], self._wind_m_s[0]))
@@ -365,11 +333,11 @@ class PlumeFitRule:
     def estimate(self, time_s: float, height_m: float) -> Estimate | None:
         """Return the estimate of the source at a height, if all conditions hold now."""
         found = self._fit.best()
-        self.explains = found is not None and found.n_gas >= self._n_gas and found.advantage_nats > 0.0
+        self.explains = found is not None and found.n_gas >= _N_GAS and found.advantage_nats > 0.0
         if found is None or not self.explains:
             return None
         is_still = self._unchanged.add(found.position_m, time_s=time_s)
-        is_sure = found.advantage_nats >= self._least_nats and found.share >= self._least_share
+        is_sure = found.advantage_nats >= _LEAST_NATS and found.share >= _LEAST_SHARE
         if not (is_still and is_sure) and time_s < self._latest_s:
             return None
         confidence = found.share * -math.expm1(-found.advantage_nats)
@@ -384,9 +352,6 @@ class MissionDeclarer:
     sensor that recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
 
     State: that of the rules, the cleanest air, and the rule of the hits.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_plume_end.py, extensions/search/tests/unit/test_plume_fit.py
     """
 
     def __init__(
@@ -439,9 +404,6 @@ class ReactiveDeclarer:
     """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and where the mission asks for one.
 
     State: the rule's stops, the cleanest air that was met, and what was declared.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(
@@ -456,9 +418,7 @@ class ReactiveDeclarer:
         """Begin with nothing declared.
 
         Args:
-            nose: Whose readings.
             height_m: Where the source is said to be, for a method in the plane [m].
-            is_on: Whether to declare at all.
             apart_m: Questions no farther apart than this are asked at one stop [m].
             mission_declarer: The rules for missions that ask for a declaration; absent: none.
         """
@@ -480,7 +440,6 @@ class ReactiveDeclarer:
         """Take note of a stop; return the declaration that answers the question, if there is one.
 
         Args:
-            observation: The question.
             value: The reading of this stop, in the nose's unit; absent while the sensor warms up.
             upwind_rad: The direction the wind comes from [rad]; absent without a vane or in calm air.
             is_planar: Whether the method searches at one height.
@@ -510,8 +469,6 @@ class UnchangedRule:
 
     Source:
         10 legs within 0.5 m for peaks of gas maps, ours; 60 s for a swarm's best, remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 0.5, n_legs: int = 10, for_s: float = 0.0) -> None:
@@ -535,12 +492,9 @@ class SwarmRule:
 
     Source:
         20 s within 1.5 m and 60 s unchanged: remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 1.5, near_s: float = 20.0, unchanged_s: float = 60.0) -> None:
-        """Begin with nobody near."""
         self._radius_m, self._near_s = radius_m, near_s
         self._near_since_s: float | None = None
         self._unchanged = UnchangedRule(radius_m=0.0, n_legs=1, for_s=unchanged_s)
@@ -596,7 +550,6 @@ def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radiu
         positions_m: (n_particles, d) places, world frame [m].
         weights: (n_particles,) none negative; need not sum to 1.
         limit_m: 0.4 m in AutoSTE, 0.5 m in the MAPIR group's particle filter [C].
-        radius_m: For the confidence [m].
     """
     share = beliefs.normalised(weights)
     mean_m = share @ positions_m

@@ -2,6 +2,9 @@
 """Paths over the free cells of a grid: shortest paths, reach, line of sight, and clearance of obstacles.
 
 Free cells are arrays of truth values of the grid's shape, in two dimensions (nx, ny) or three (nx, ny, nz).
+
+Held by:
+    extensions/search/tests/unit/motion/test_grid_paths.py
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
@@ -179,9 +182,6 @@ def mark_visible_cells(free, first, reach_cells):
 
     Returns:
         (nx, ny, nz) bool, the looking cell among them when it is free.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_grid_paths.py
     """
     nx, ny, nz = free.shape
     seen = np.zeros((nx, ny, nz), np.bool_)
@@ -204,13 +204,9 @@ def mark_clear_cells(free, clearance_cells):
 
     Args:
         free: (nx, ny, nz) bool, whether a cell is free; index order ij. What lies outside the grid is no obstacle.
-        clearance_cells: What is to be kept [cells].
 
     Returns:
         (nx, ny, nz) bool.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_grid_paths.py
     """
     nx, ny, nz = free.shape
     kept = free.copy()
@@ -245,9 +241,6 @@ def shorten_path(points, free):
 
     Returns:
         (m, 3) first point, bends, last point [cells].
-
-    Held by:
-        extensions/search/tests/unit/motion/test_grid_paths.py
     """
     return keep_bends(points, _is_leg_free, free)
 
@@ -329,9 +322,7 @@ def shortest_path(free: Free, grid: CellGrid, start_m: Point, goal_m: Point) -> 
 
     Args:
         free: Cells that the way may pass, of the grid's shape; see `inflate_obstacles`.
-        grid: The cells.
         start_m: Where the way begins, world frame [m].
-        goal_m: Where it leads [m].
     """
     field = path_field(free, grid, start_m)
     last = nearest_free(free, grid, goal_m)

@@ -1,6 +1,11 @@
 """Legs: where they may end, the planner from a goal to a leg that the vehicle can do, and detection of being stuck.
 
 Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. The stuck detector notices.
+
+Held by:
+    extensions/search/tests/unit/motion/test_leg_planner.py
+    extensions/search/tests/unit/motion/test_legs.py
+    extensions/search/tests/unit/motion/test_stuck_detector.py
 """
 
 import math
@@ -21,6 +26,8 @@ N_TRIES = 100
 # Ends closer together than this are the same, to a vehicle that refused one of them.
 _SAME_END_M = 0.02
 _BACK_OFF_M = 0.1
+# By how much and how often a refused leg is made shorter.
+_SHORTEN_M, _N_SHORTEN = 0.05, 10
 
 
 def to_millimetre(length_m: float) -> float:
@@ -47,9 +54,6 @@ class Obstacles:
         The line is cut where it crosses the planes between cells; the middle of each piece tells its cell. Cells that
         the line touches in an edge only do not count. A line that begins in a solid cell, where the vehicle is already
         (a map may be coarser than the vehicle's own sight), may leave it.
-
-        Held by:
-            extensions/search/tests/unit/motion/test_legs.py
         """
         cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
         middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
@@ -71,7 +75,6 @@ def build_obstacles(known_map: KnownMap, *, height_m: float | None = None, clear
     """Return the solid cells of a map, inflated by a clearance.
 
     Args:
-        known_map: The map of the briefing.
         height_m: Cut a map with three axes at this height [m].
         clearance_m: Cells whose centres are no farther from a solid cell's centre than this are solid too [m].
     """
@@ -170,12 +173,7 @@ def leg_end(
     Args:
         start_m: Where it begins, x, y and what follows, world frame [m].
         heading_rad: Counter-clockwise from +x [rad].
-        length_m: Its horizontal length [m].
-        room: Where it may end.
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_legs.py
     """
     dimensions = 2 if climb_m is None else 3
     steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)
@@ -227,7 +225,6 @@ def find_free_heading(
         start_m: Where the leg begins, world frame [m].
         headings_rad: What to try, in this order [rad].
         length_m: The leg's length [m].
-        room: Where it may end.
         refused_m: An end that was refused: a leg to the same place is not tried again.
     """
     for heading_rad in headings_rad:
@@ -290,20 +287,15 @@ class LegPlanner:
     """Flies legs to places, and never a refused leg again as it was.
 
     1. A leg ends where it meets the margin of the room (with a granted map also before what is solid, in steps of
-       `shorten_m`, at most `n_shorten` of them).
+       0.05 m, at most 10 of them).
     2. Where that leaves nothing, or is the leg that was refused, ways at 45 and 90 degrees to either side are tried,
        then random ones.
     3. Where nothing fits it goes to the nearest place inside the margin.
 
     State: where the last leg was to end, and until when the vehicle is busy with it.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_leg_planner.py
     """
 
-    def __init__(
-        self, briefing: Briefing, draws: RandomStream, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
-    ) -> None:
+    def __init__(self, briefing: Briefing, draws: RandomStream, *, margin_m: float) -> None:
         """Begin without a leg; a map is used where the briefing grants one."""
         obstacles = (
             None
@@ -313,7 +305,6 @@ class LegPlanner:
         self.room = LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
         self.height_m = briefing.search_height_m
         self._draws = draws
-        self._shorten_m, self._n_shorten = shorten_m, n_shorten
         self._hold_s = briefing.hold_s
         self._tick_s = briefing.tick_ns / 1e9
         self._is_asked_always = briefing.mode != "on_request"
@@ -368,7 +359,6 @@ class LegPlanner:
         """Return the command for a leg to a place, or as near to it as can be flown.
 
         Args:
-            observation: The question.
             target_m: Where to go, world frame [m]; a third coordinate is left out.
             z_m: At which height [m]; absent: the search height.
             hold_s: How long to hold there [s]; absent: the briefing's time.
@@ -394,7 +384,7 @@ class LegPlanner:
         aim_m = cut_end_m(start_m, target_m, self.room)
         dx_m, dy_m = aim_m[0] - start_m[0], aim_m[1] - start_m[1]
         length_m, heading_rad = math.hypot(dx_m, dy_m), math.atan2(dy_m, dx_m)
-        end_m = shorten_leg(start_m, heading_rad, length_m, self.room, by_m=self._shorten_m, n_tries=self._n_shorten)
+        end_m = shorten_leg(start_m, heading_rad, length_m, self.room, by_m=_SHORTEN_M, n_tries=_N_SHORTEN)
         if end_m is None or (refused_m is not None and math.dist(end_m, refused_m) < _SAME_END_M):
             towards_rad = math.atan2(target_m[1] - start_m[1], target_m[0] - start_m[0])
             end_m = next_leg(start_m, _around(towards_rad), wanted_m, self.room, self._draws, refused_m=refused_m).end_m
@@ -407,9 +397,6 @@ def cut_end_m(start_m: Sequence[float], target_m: Sequence[float], room: LegSpac
     t = min over x, y of (side - start) / (target - start), within [0, 1];  end = start + t (target - start)
 
     From a start outside the margin it is the nearest place to the target inside.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_leg_planner.py
     """
     t = 1.0
     for start, target, low, high in zip(start_m[:2], target_m[:2], room.min_m, room.max_m):
@@ -443,8 +430,6 @@ class StuckDetector:
 
     Source:
         Ours, against a known fault of searches that follow the wind.
-    Held by:
-        extensions/search/tests/unit/motion/test_stuck_detector.py
     """
 
     def __init__(self, *, n_legs: int, radius_m: float) -> None:

@@ -1,4 +1,9 @@
-"""Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there."""
+"""Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there.
+
+Held by:
+    extensions/search/tests/unit/motion/test_known_paths.py
+    extensions/search/tests/unit/motion/test_map_navigation.py
+"""
 
 import math
 from collections import deque
@@ -31,16 +36,12 @@ class KnownPaths:
     """Finds ways with the map of a briefing; without one they are straight.
 
     State: the map, with a clearance about what is solid. Nothing changes.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_known_paths.py
     """
 
     def __init__(self, briefing: Briefing, *, clearance_m: float) -> None:
         """Prepare the map.
 
         Args:
-            briefing: With the map, where one was granted.
             clearance_m: How far ways keep from what is solid [m].
         """
         self._bounds = briefing.bounds
@@ -55,7 +56,6 @@ class KnownPaths:
         A map in the plane holds at the height of the start: the way changes its height at its end.
 
         Args:
-            start_m: Where the vehicle is [m].
             goal_m: Where it wants to go [m].
             margin_m: The way ends this far inside the room's bounds, or nearer to its middle [m]; absent: it ends at
                 the height of the start.
@@ -110,9 +110,6 @@ class StopRecorder:
     """Collects what a vehicle measures between two decisions at rest: call `add` with every observation.
 
     State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_map_navigation.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, every_s: float) -> None:
@@ -158,9 +155,6 @@ class MapNavigator:
     together. Ways keep `clearance_m` from obstacles where they can and `margin_m` from the room's bounds.
 
     State: the goal, and the pilot's last leg.
-
-    Held by:
-        extensions/search/tests/unit/motion/test_map_navigation.py
     """
 
     def __init__(
@@ -202,7 +196,6 @@ class MapNavigator:
         On bends the vehicle does not hold. A goal at which no vehicle can be is replaced by the nearest place that is.
 
         Args:
-            observation: The question.
             at_most_m: A longer way is flown so far only [m].
             hold_s: How long to hold at the goal [s]; absent: the briefing's time.
         """

@@ -1,6 +1,10 @@
 """Casts across the wind to meet a lost plume again, and surges up the wind from gas.
 
 A cast keeps the wind of the moment at which it began: a vehicle that turns with every gust does not cross a plume.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_cast.py
+    extensions/search/tests/unit/reactive/test_surge.py
 """
 
 import math
@@ -29,8 +33,6 @@ def cast_length_m(width_m: float, n: int, growth: str) -> float:
     Source:
         Lochmatter and Martinoli 2008: d, then 2 d the other way (remembered, unverified); doubling as in the recovery
         of Rando et al. 2025, read in code. That growing casts beat fixed ones is mothpy's result.
-    Held by:
-        extensions/search/tests/unit/reactive/test_cast.py
     """
     if growth == "doubling":
         return width_m * 2.0**n
@@ -41,9 +43,6 @@ def cast_offset_m(width_m: float, n: int, growth: str) -> float:
     """Return the crosswind offset of the end of leg `n` of a cast from its start, positive on its first side [m].
 
     y(n) = sum over k <= n of (-1)^k L(k)
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_cast.py
     """
     return math.fsum((-1.0) ** k * cast_length_m(width_m, k, growth) for k in range(n + 1))
 
@@ -104,8 +103,6 @@ class PlaneCastSequence:
         Rahbar, Marjovi, Kibleur, Martinoli 2017: casts in the plane across the wind (remembered, unverified).
     Deviation:
         The order and the growth are ours: each round covers a cross, and the next one a larger cross.
-    Held by:
-        extensions/search/tests/unit/reactive/test_cast.py
     """
 
     anchor_m: tuple[float, float, float]
@@ -140,7 +137,6 @@ def find_side(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: f
     It tells on which side gas was seen to vanish: a vehicle that left the plume at its left edge finds it to its right.
 
     Args:
-        place_m: The place, world frame [m].
         anchor_m: A place on the line, world frame [m].
         upwind_rad: Direction of the line [rad].
     """
@@ -169,8 +165,6 @@ class BlankMemory:
         Rando, James, Verri, Rosasco, Seminara 2025 (arXiv 2404.17495), the adaptive memory; read in code.
     Deviation:
         In seconds, with bounds: there in steps, without.
-    Held by:
-        extensions/search/tests/unit/reactive/test_cast.py
     """
 
     def __init__(self, *, first_s: float, least_s: float, most_s: float, shortest_blank_s: float = 0.0) -> None:
@@ -210,11 +204,7 @@ def surge_end_m(
     Args:
         here_m: Where the vehicle is, world frame [m]; a height is left out.
         gas_m: Where gas was met on the last leg; absent: straight upwind [m].
-        upwind_rad: Where the wind comes from [rad].
         step_m: L, how far upwind [m].
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_surge.py
     """
     along_x, along_y = math.cos(upwind_rad), math.sin(upwind_rad)
     across_m = 0.0
@@ -232,9 +222,6 @@ def oblique_surge_end_m(
     """Return the end of a leg oblique to the wind: as `surge_end_m`, turned to the left by the slant.
 
     p = x + L (cos b u + sin b n) + ((g - x) . n) n        b slant, positive to the left looking upwind [rad]
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_surge.py
     """
     x_m, y_m = surge_end_m(here_m, gas_m, upwind_rad, step_m * math.cos(slant_rad))
     across_m = step_m * math.sin(slant_rad)

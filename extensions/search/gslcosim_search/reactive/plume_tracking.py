@@ -27,7 +27,6 @@ class PlumeTrackingAgent(ReactiveAgent):
     """
 
     def __init__(self, briefing: Briefing) -> None:
-        """Begin without gas, wind, or anything seen."""
         super().__init__(briefing)
         self.upwind_rad = 0.0
         self.is_tracking = False
@@ -70,8 +69,6 @@ class PlumeTrackingAgent(ReactiveAgent):
         """Return a leg along the plume.
 
         Args:
-            observation: The question.
-            contact: What is known at it.
             is_regained: Whether there is gas now and the plume was not tracked before.
         """
 

@@ -1,4 +1,9 @@
-"""Random walks that are blind, or nearly so: run and tumble, and Levy walks."""
+"""Random walks that are blind, or nearly so: run and tumble, and Levy walks.
+
+Held by:
+    extensions/search/tests/analytic/test_blind_walks.py
+    extensions/search/tests/unit/reactive/test_random_walks.py
+"""
 
 import math
 from collections.abc import Sequence
@@ -30,8 +35,6 @@ class RunAndTumble:
 
         Args:
             room: Where legs may end.
-            draws: Where directions come from.
-            leg_m: Horizontal length of a leg [m].
             most_climb_m: How much higher or lower a leg may end [m]; absent: legs stay in the plane.
         """
         self._room, self._draws = room, draws
@@ -42,7 +45,6 @@ class RunAndTumble:
         """Return the end of the next leg, world frame [m]: x and y, and z for a walk in 3-D.
 
         Args:
-            start_m: Where the vehicle is [m].
             keeps: Whether to keep the direction, if that is possible.
             turn_rad: By how much to turn where it is kept [rad].
         """
@@ -84,8 +86,6 @@ def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most
 
     Source:
         Inverse of the distribution function; Levy walks after Viswanathan et al. 1999, doi:10.1038/44831.
-    Held by:
-        extensions/search/tests/unit/reactive/test_random_walks.py
     """
     q = 1.0 - exponent
     if abs(q) < 1e-9:
@@ -103,8 +103,6 @@ class LevyWalk:
 
     Source:
         Levy walk with exponent 2, truncated at the room's size, remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/reactive/test_random_walks.py
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:

@@ -1,4 +1,9 @@
-"""Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration."""
+"""Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_detections.py
+    extensions/search/tests/unit/reactive/test_reactive_searcher.py
+"""
 
 import math
 from abc import abstractmethod
@@ -32,8 +37,6 @@ class LossPoints:
         Li, Farrell, Pang, Arrieta 2006, doi:10.1109/TRO.2006.870627: six places, 4 m at sea (remembered, unverified).
     Deviation:
         The spread is scaled to rooms.
-    Held by:
-        extensions/search/tests/unit/reactive/test_detections.py
     """
 
     def __init__(self, *, n: int, spread_m: float) -> None:
@@ -106,13 +109,9 @@ class ReactiveAgent(SearchAgent):
     Its settings: those of `ReactiveSettings`.
 
     State: that of its parts, the contact of the last stop, and for how many more legs the search is sent away.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_reactive_searcher.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without gas, wind, or anything seen."""
         super().__init__(briefing, settings)
         shared = self.shared = extract_settings(ReactiveSettings, self.settings)
         self.pilot = LegPlanner(briefing, self.draws, margin_m=shared.margin_m)
@@ -174,7 +173,6 @@ class ReactiveAgent(SearchAgent):
         """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
 
         Args:
-            observation: The question.
             contact: What is known at it; where gas was met last counts.
             upwind_rad: The wind against which the plume was followed [rad].
         """
@@ -205,7 +203,6 @@ class ReactiveAgent(SearchAgent):
         Places behind a wall, to which no leg leads, are left out; a refused one is not tried again.
 
         Args:
-            observation: The question.
             next_place_m: Gives the next place, world frame [m], or nothing.
         """
         while (place_m := next_place_m()) is not None:

@@ -1,4 +1,9 @@
-"""Silkmoth programme after each whiff: a surge, three turns, then a loop; and its sidestep around obstacles."""
+"""Silkmoth programme after each whiff: a surge, three turns, then a loop; and its sidestep around obstacles.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_sidestep.py
+    extensions/search/tests/unit/reactive/test_silkmoth.py
+"""
 
 import math
 from dataclasses import dataclass
@@ -16,9 +21,6 @@ class Sidestep:
     every so often whether the old heading is free again.
 
     State: the number of refusals, and until when the turn is kept.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_sidestep.py
     """
 
     def __init__(self, *, side: int, keep_s: float) -> None:
@@ -42,7 +44,6 @@ class Sidestep:
         """Take note of whether the last velocity was refused.
 
         Args:
-            time_s: Now [s].
             is_refused: Whether the vehicle did not do as it was asked.
         """
         if is_refused:
@@ -89,8 +90,6 @@ def phase_at(since_hit_s: float) -> Phase:
 
     Source:
         Kanzaki et al. 1992 and Ishida et al. 1995; figures as in a public silkmoth simulator, read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_silkmoth.py
     """
     if since_hit_s < _TURNS[0][0] - 1e-9:
         return SURGE
@@ -114,16 +113,12 @@ class TrueWind:
     w <- w + (1 - exp(-dt / tau)) (a + v - w)        a apparent wind, v velocity of the vehicle [m/s]
 
     State: the smoothed wind, and the time of the last sample.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_silkmoth.py
     """
 
     def __init__(self, vane: Vane, *, smoothing_s: float, threshold_m_s: float) -> None:
         """Begin without a wind.
 
         Args:
-            vane: The anemometer.
             smoothing_s: Time constant tau [s].
             threshold_m_s: A wind no faster than this has no direction [m/s].
         """

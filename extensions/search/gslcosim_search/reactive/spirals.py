@@ -1,4 +1,9 @@
-"""Paths that wind outwards: Archimedean and square spirals, and cloverleaves."""
+"""Paths that wind outwards: Archimedean and square spirals, and cloverleaves.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_cloverleaf.py
+    extensions/search/tests/unit/reactive/test_spirals.py
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -82,8 +87,6 @@ class ArchimedeanSpiral:
     Deviation:
         The arcs are exact. Steps by `arc_turn_rad` from the old radius would turn by 5 radians at once at the centre,
         where the radius is 0, and leave out the inner turn.
-    Held by:
-        extensions/search/tests/unit/reactive/test_spirals.py
     """
 
     def __init__(self, *, gap_m: float, arc_m: float, start_rad: float, side: int, reach_m: float = math.inf) -> None:
@@ -128,8 +131,6 @@ class SquareSpiral:
 
     Source:
         Side and growth as in the surge-spiral of the MAPIR group (Ojeda et al.), read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_spirals.py
     """
 
     def __init__(
@@ -146,7 +147,6 @@ class SquareSpiral:
 
         Args:
             side_m: Length of the first leg [m].
-            growth_m: What the legs grow by [m].
             heading_rad: Direction of the first leg, world frame [rad].
             side: +1 turns to the left after each leg, -1 to the right.
             legs_per_growth: After how many legs they grow.
@@ -194,8 +194,6 @@ class SpiralPath:
 
     Source:
         Skipping up to 3 blocked corners as in the MAPIR group's surge-spiral, read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_spirals.py
     """
 
     def __init__(
@@ -209,8 +207,6 @@ class SpiralPath:
         """Begin at the centre.
 
         Args:
-            spiral: The spiral to fly.
-            centre_m: Where its centre is, world frame [m].
             is_free: Whether a place [m] can be flown to.
             n_skips: How many blocked places in a row are left out.
         """
@@ -249,9 +245,6 @@ def leaf_radius_m(radius_m: float, angle_rad: float) -> float:
 
     r(phi) = R cos(2 phi)        phi from the leaf's axis, within an eighth of a turn to either side [rad]
     [m] = [m]
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_cloverleaf.py
     """
     return radius_m * math.cos(2.0 * angle_rad)
 
@@ -272,8 +265,6 @@ class CloverleafPath:
         unverified).
     Deviation:
         The shape is a rose with four leaves and the order is ours: theirs is not known to us.
-    Held by:
-        extensions/search/tests/unit/reactive/test_cloverleaf.py
     """
 
     centre_m: tuple[float, float]

@@ -1,4 +1,9 @@
-"""Chemotaxis: gradients fitted to readings, wheels that two noses slow down, and bearing by two noses."""
+"""Chemotaxis: gradients fitted to readings, wheels that two noses slow down, and bearing by two noses.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_taxis.py
+    extensions/search/tests/unit/reactive/test_two_noses.py
+"""
 
 import math
 from collections import deque
@@ -23,9 +28,6 @@ class RecentReadings:
     """Readings of the last seconds near the vehicle, to which a plane is fitted.
 
     State: time, place and value of each reading that is not too old.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_taxis.py
     """
 
     def __init__(self, *, within_m: float, within_s: float) -> None:
@@ -94,8 +96,6 @@ def fit_gradient(
 
     Source:
         Weighted least squares, textbook.
-    Held by:
-        extensions/search/tests/unit/reactive/test_taxis.py
     """
     n = len(values)
     total = float(weights.sum())
@@ -172,8 +172,6 @@ def wheel_speeds_m_s(
 
     Source:
         Lilienthal and Duckett 2004, Advanced Robotics 18; k 0.9 remembered, unverified [M].
-    Held by:
-        extensions/search/tests/unit/reactive/test_taxis.py
     """
     if is_crossed:
         left_frac, right_frac = right_frac, left_frac
@@ -197,8 +195,6 @@ def bearing_rad(left: float, right: float, gain: float) -> float:
     Source:
         Ours, in place of the lag between the noses in Chasing Ghosts (arXiv 2602.19577), which needs samples much
         faster than the gas crosses 15 cm.
-    Held by:
-        extensions/search/tests/unit/reactive/test_two_noses.py
     """
     if not (left + right > 0.0 and math.isfinite(left + right)):
         return 0.0
@@ -212,8 +208,6 @@ def turn_rad(bearing: float, *, straight_rad: float, half_rad: float) -> float:
 
     Source:
         Chasing Ghosts (arXiv 2602.19577), read in code: 5 and 45 degrees.
-    Held by:
-        extensions/search/tests/unit/reactive/test_two_noses.py
     """
     if abs(bearing) < straight_rad:
         return 0.0
@@ -224,9 +218,6 @@ class TwoNoses:
     """Watches the leftmost and the rightmost gas sensor: bouts of either, and the means of the last `window_s`.
 
     State: two bout detectors, the amounts of the window, and whether there was a bout since `take` was called.
-
-    Held by:
-        extensions/search/tests/unit/reactive/test_two_noses.py
     """
 
     def __init__(self, briefing: Briefing, *, sample_s: float, window_s: float, threshold_ppm: float) -> None:

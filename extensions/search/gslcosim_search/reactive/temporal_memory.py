@@ -1,4 +1,9 @@
-"""Temporal memory of a plume as one of a few states, and recovery in the void."""
+"""Temporal memory of a plume as one of a few states, and recovery in the void.
+
+Held by:
+    extensions/search/tests/unit/reactive/test_recovery.py
+    extensions/search/tests/unit/reactive/test_temporal_memory.py
+"""
 
 import math
 from collections import deque
@@ -36,13 +41,10 @@ def memory_features(amounts: Floats, n: int, noise: float) -> tuple[float, float
 
     Args:
         amounts: (>= n,) the memory first; what follows is not looked at.
-        n: Length of the memory.
         noise: Amounts up to this are no gas.
 
     Source:
         Rando, James, Verri, Rosasco, Seminara 2025 (arXiv 2404.17495), read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_temporal_memory.py
     """
     if n == 0:
         return 0.0, 0.0
@@ -95,8 +97,6 @@ class TemporalMemory:
     Deviation:
         T in seconds with bounds, not in steps: legs differ in length. The rank replaces percentiles, which come to the
         same but for ties.
-    Held by:
-        extensions/search/tests/unit/reactive/test_temporal_memory.py
     """
 
     MOST_HISTORY = 3000
@@ -184,8 +184,6 @@ class Backtrack:
 
     Source:
         Rando, James, Verri, Rosasco, Seminara 2025 (arXiv 2404.17495), read in code.
-    Held by:
-        extensions/search/tests/unit/reactive/test_recovery.py
     """
 
     def __init__(self, draws: RandomStream, moves_since_gas: list[int]) -> None:
@@ -207,8 +205,6 @@ class Circling:
         Rando et al. 2025, read in code.
     Deviation:
         That direction and side are random is ours.
-    Held by:
-        extensions/search/tests/unit/reactive/test_recovery.py
     """
 
     def __init__(self, draws: RandomStream) -> None:
@@ -235,8 +231,6 @@ class CastSurge:
         Rando et al. 2025, read in code; there it is much worse than circling.
     Deviation:
         The first side is random.
-    Held by:
-        extensions/search/tests/unit/reactive/test_recovery.py
     """
 
     def __init__(self, draws: RandomStream) -> None:

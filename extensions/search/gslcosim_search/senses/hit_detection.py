@@ -1,4 +1,9 @@
-"""Hit detection: gas or no gas from a sensor that lags, drifts and is noisy, as evidence for and against."""
+"""Hit detection: gas or no gas from a sensor that lags, drifts and is noisy, as evidence for and against.
+
+Held by:
+    extensions/search/tests/unit/senses/test_gas_evidence.py
+    extensions/search/tests/unit/senses/test_hit_detection.py
+"""
 
 import math
 from collections import deque
@@ -11,6 +16,8 @@ from gslcosim_search.senses.instruments import Nose
 
 # A reading may jump between two observations that a silent second separates; steps of time are bounded below.
 _LEAST_STEP_S = 1e-9
+# Time constants of a MOX sensor's level and slow slope, and with which its baseline follows a lower resistance [s].
+_LEVEL_SMOOTHING_S, _FORGET_S = 3.0, 300.0
 # A MOX sensor below this part of its resistance in clean air says no more than that there is very much gas.
 _LEAST_RATIO = 1e-3
 
@@ -23,15 +30,12 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
 
     Args:
         amount: The reading now, as `Nose.amount` gives it.
-        before: The reading to compare with.
         eps: Dead band, fraction of the reading.
         floor: What clean air shows at most; below it nothing counts as more.
 
     Source:
         GSL-Bench compares strictly (eps 0, floor 0). The dead band is ours: with noise a strict comparison in clean
         air is a coin flip.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
     return (1.0 - eps) * amount > max(before, floor)
 
@@ -66,9 +70,6 @@ class GasLevel:
     ppm, hits, detections: c as it is
 
     State: R_clean.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose) -> None:
@@ -110,8 +111,6 @@ class OnsetDetector:
     Source:
         Onsets in place of thresholds are common for MOX sensors. sd of the slope: our derivation, the variance of a
         white sequence minus its exponential average.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(
@@ -197,13 +196,13 @@ class OnsetDetector:
 class MoxEvidence:
     """Tells gas, clean air and recovery apart by a MOX sensor's level and derivative.
 
-    level L = b - s             s ln R smoothed over `smoothing_s`, b baseline: the ln R of clean air
+    level L = b - s             s ln R smoothed over 3 s, b baseline: the ln R of clean air
     gas that grows: onset, see `OnsetDetector`
     gas that stays: L > `level` and s' <= slope threshold of the slow smoothing
     recovery:       L > `level` and s' above it: what the sensor shows is gas of before
     clean air:      L <= `level` and no onset
 
-    The baseline runs with the sensor: b = s where s is above it, else it follows s with the time constant `forget_s`,
+    The baseline runs with the sensor: b = s where s is above it, else it follows s with the time constant 300 s,
     so that it neither keeps one lucky reading for ever nor takes a drift for gas. In gas that stays for longer than
     about that time it is lost: 0.9 of level, 5 ppm at a TGS2600, is forgotten after 11 minutes.
     The first sample is taken for clean air.
@@ -215,30 +214,14 @@ class MoxEvidence:
         Huerta 2016, Sensors and Actuators B 235, 636, who smooth, differentiate and ask for a least amplitude).
     Deviation:
         Theirs are bouts alone; gas that stays and air that is clean are told here too.
-    Held by:
-        extensions/search/tests/unit/senses/test_gas_evidence.py
     """
 
-    def __init__(
-        self,
-        *,
-        onset: OnsetDetector | None = None,
-        level: float = 0.1,
-        smoothing_s: float = 3.0,
-        forget_s: float = 300.0,
-    ) -> None:
-        """Begin in clean air.
-
-        Args:
-            onset: What tells that gas grows.
-            level: Fall of ln R below the baseline that counts as gas shown.
-            smoothing_s: Time constant of level and slow slope [s].
-            forget_s: Time constant with which the baseline follows a resistance below it [s].
-        """
-        self._onset = onset or OnsetDetector()
+    def __init__(self, *, level: float = 0.1) -> None:
+        """Begin in clean air; `level` is the fall of ln R below the baseline that counts as gas shown."""
+        self._onset = OnsetDetector()
         # A TGS2600 that recovers rises by more than this as long as its level is above 0.06.
-        self._slow = OnsetDetector(smoothing_s=smoothing_s, least_slope_per_s=0.003)
-        self._level, self._forget_s = level, forget_s
+        self._slow = OnsetDetector(smoothing_s=_LEVEL_SMOOTHING_S, least_slope_per_s=0.003)
+        self._level = level
         self._baseline: float | None = None
         self._last_s = 0.0
         self._is_broken = False
@@ -267,7 +250,7 @@ class MoxEvidence:
         smooth = self._slow.log_ohm
         if smooth is not None:
             before = smooth if self._baseline is None else self._baseline
-            self._baseline = smooth + max(0.0, before - smooth) * math.exp(-(time_s - self._last_s) / self._forget_s)
+            self._baseline = smooth + max(0.0, before - smooth) * math.exp(-(time_s - self._last_s) / _FORGET_S)
         self._last_s = time_s
         return self.is_gas and not self._is_broken
 
@@ -289,8 +272,6 @@ class BoutDetector:
     Deviation:
         D must also exceed `least_rise`: while a sensor recovers D returns to 0 from below and S lags behind it, which
         D > S alone takes for gas. `least_rise` -inf is the published rule.
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     SPANS = (3.0, 8.0, 5.0)
@@ -334,9 +315,6 @@ class GasHits:
     than `threshold_ppm`, one of detections or hits while it shows more than half a hit. None while it warms up.
 
     State: the detector, the last tick, the time of the last hit, and whether there was a hit since `take` was called.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose, *, threshold_ppm: float = 0.1, mox: MoxEvidence | None = None) -> None:
@@ -401,15 +379,12 @@ class GasEvidence:
 
     Source:
         Ours: a MOX sensor that lags knows a third state between gas and none.
-    Held by:
-        extensions/search/tests/unit/senses/test_gas_evidence.py
     """
 
     def __init__(self, nose: Nose, *, every_s: float = 1.0, threshold_ppm: float = 0.1, level: float = 0.1) -> None:
         """Begin without findings.
 
         Args:
-            nose: The gas sensor.
             every_s: How long a span is [s]; findings closer together are hardly independent.
             threshold_ppm: What counts as gas, for sensors in ppm.
             level: Fall of ln R that counts as gas shown, for sensors in ohms.

@@ -1,4 +1,10 @@
-"""Stop and measure: combined readings of a hold, proximity to the source, and contact with the plume."""
+"""Stop and measure: combined readings of a hold, proximity to the source, and contact with the plume.
+
+Held by:
+    extensions/search/tests/unit/senses/test_plume_contact.py
+    extensions/search/tests/unit/senses/test_proximity.py
+    extensions/search/tests/unit/senses/test_stop_and_measure.py
+"""
 
 import math
 from collections import deque
@@ -38,8 +44,6 @@ def proximity_index(
     Source:
         Ferri, Caselli, Mattoli, Mondini, Mazzolai, Dario 2009, Robotics and Autonomous Systems 57, 393-402; weights
         as read in the MAPIR group's code.
-    Held by:
-        extensions/search/tests/unit/senses/test_proximity.py
     """
     if not samples:
         return 0.0
@@ -54,8 +58,6 @@ class BestProximity:
 
     Source:
         Ferri et al. 2009; 3 misses as read in the MAPIR group's code.
-    Held by:
-        extensions/search/tests/unit/senses/test_proximity.py
     """
 
     def __init__(self, *, n_misses: int = 3) -> None:
@@ -126,8 +128,6 @@ class StopAndMeasure:
     Source:
         Stop and measure as in the MAPIR group's methods: 2 s, direction = atan2(sum sin, sum cos), the speed
         apart [C].
-    Held by:
-        extensions/search/tests/unit/senses/test_stop_and_measure.py
     """
 
     def __init__(self, noses: Sequence[Nose], vane: Vane | None = None, *, window_s: float = math.inf) -> None:
@@ -196,16 +196,12 @@ class GasIncrease:
     """Compares the gas of each decision with that of the one before.
 
     State: the readings of this hold, and the reading of the last decision.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_stop_and_measure.py
     """
 
     def __init__(self, nose: Nose, *, eps: float, is_mean: bool) -> None:
         """Begin without a reading to compare with.
 
         Args:
-            nose: Whose readings.
             eps: Dead band, see `is_more_gas`.
             is_mean: Whether a reading is the mean over the hold, or the last one of it.
         """
@@ -244,9 +240,6 @@ class TrustedWind:
     """Remembers the direction of the last wind that was strong enough to have one: calm air gives noise.
 
     State: that direction, and whether the air is calm now.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_stop_and_measure.py
     """
 
     def __init__(self, *, threshold_m_s: float = 0.1, least_steadiness_frac: float = 0.0) -> None:
@@ -277,8 +270,6 @@ def circular_mean_rad(angles_rad: Sequence[float]) -> tuple[float, float]:
 
     Source:
         Mardia and Jupp 2000, Directional Statistics, section 2.2 (textbook definition).
-    Held by:
-        extensions/search/tests/unit/senses/test_stop_and_measure.py
     """
     n = max(1, len(angles_rad))
     sine = math.fsum(math.sin(angle) for angle in angles_rad) / n
@@ -353,9 +344,6 @@ class PlumeContactDetector:
 
     State: the hits since the last question, the last one ever, the wind that was trusted last, places of the last
     second.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_plume_contact.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, threshold_m_s: float) -> None:

@@ -1,4 +1,8 @@
-"""Vision prior of the source: coloured things in camera pictures, their positions, and how likely such things leak."""
+"""Vision prior of the source: coloured things in camera pictures, their positions, and how likely such things leak.
+
+Held by:
+    extensions/search/tests/unit/senses/test_vision.py
+"""
 
 import io
 import math
@@ -63,13 +67,9 @@ def classify_colours(pixels: Pixels, *, least_saturation: float = 0.3, least_val
 
     Args:
         pixels: (height, width, 3) uint8.
-        least_saturation: Less is grey.
-        least_value: Less is black.
 
     Source:
         Smith 1978, Color gamut transform pairs, doi:10.1145/965139.807361.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     rgb = pixels.astype(np.float64) / 255.0
     value, low = rgb.max(axis=2), rgb.min(axis=2)
@@ -103,9 +103,6 @@ def find_patches(colour: NDArray[np.int64], *, least_pixels: int = 8) -> list[tu
 
     Returns:
         Label and (height, width) mask of each.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     left, patches = colour.copy(), []
     for row, column in np.argwhere(colour >= 0).tolist():
@@ -124,7 +121,6 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     [1] = [px] / [px]
 
     Args:
-        image: The picture, with its calibration.
         view: Where the vehicle was; roll and pitch are left out.
         points_px: (n, 2) points (u, v), right and down from the upper left corner [px].
 
@@ -136,8 +132,6 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     Deviation:
         The vehicle is taken for level: observations have its yaw only. A tilt of 0.05 rad at a height of 1 m moves
         what stands 3 m away by half a metre, so look from rest.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     offsets = (points_px - np.array(image.centre_px)) / image.focal_px
     optical = np.column_stack([offsets, np.ones(len(offsets))])
@@ -151,8 +145,6 @@ def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, fl
     [m] = [m] + [m]
 
     Args:
-        image: The picture.
-        view: Where the vehicle was.
         points_px: (n, 2) points (u, v) [px].
         floor_m: Height of the level, world frame [m].
 
@@ -179,14 +171,8 @@ def seen_objects(
     farther away than `farthest_m`, where a pixel's error is metres.
 
     Args:
-        image: The picture.
-        view: Where the vehicle was when it was taken.
-        floor_m: Height of the floor, world frame [m].
         farthest_m: Greatest distance that is believed [m].
         least_pixels: Smaller patches of colour are left out.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     found = []
     colour = classify_colours(decode_pixels(image))
@@ -209,9 +195,6 @@ class SeenObjects:
     """The things seen so far, each once: of those with one label and centres close together the nearest view counts.
 
     State: the things.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
 
     def __init__(self, *, merge_m: float = 0.8) -> None:
@@ -256,8 +239,6 @@ def prior_from_objects(
     The result is scaled to sum 1. Multiply any belief by it, once: what is seen again is no new evidence.
 
     Args:
-        grid: Cells in the plane.
-        objects: What was seen.
         odds: o by label; above 1 likely, below 1 unlikely.
         spread_m: How far from its feet a thing may leak [m]: its size, and the error of the projection.
         other_odds: o of labels that are not named.
@@ -265,8 +246,6 @@ def prior_from_objects(
     Source:
         The idea: Monroy et al. 2018, Sensors (remembered, unverified): detections give a prior of the source by the
         class of the object. The formula is ours.
-    Held by:
-        extensions/search/tests/unit/senses/test_vision.py
     """
     most, least = np.ones(grid.shape), np.ones(grid.shape)
     centres_m = grid.centres_m()

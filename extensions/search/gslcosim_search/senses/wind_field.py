@@ -1,4 +1,8 @@
-"""Wind field as a vehicle has met it: step by step on its way, and spread over the room."""
+"""Wind field as a vehicle has met it: step by step on its way, and spread over the room.
+
+Held by:
+    extensions/search/tests/unit/senses/test_wind_field.py
+"""
 
 import math
 from collections import deque
@@ -20,9 +24,6 @@ class WindRecord:
     Where observations are missing the wind stays as it was.
 
     State: at most `n_steps` means, and the sums of the step under way.
-
-    Held by:
-        extensions/search/tests/unit/senses/test_wind_field.py
     """
 
     def __init__(self, vane: Vane, *, step_s: float, n_steps: int) -> None:
@@ -101,8 +102,6 @@ class WindField:
 
     Source:
         Ours: the kernel average of Kernel DM+V (Lilienthal et al. 2009), for winds.
-    Held by:
-        extensions/search/tests/unit/senses/test_wind_field.py
     """
 
     def __init__(
@@ -111,7 +110,6 @@ class WindField:
         """Begin in calm air.
 
         Args:
-            grid: Cells in the plane.
             reach_m: Distance r over which a measurement holds [m].
             mean_weight: Weight w0 of the mean wind, > 0.
             memory_s: How long measurements count [s].

@@ -2,6 +2,9 @@
 
 The mass flux at a robot is F = c W: the gas there times the wind vector. Through a closed ring flows what its inside
 releases (the divergence theorem), so a ring tells whether the source is inside, wherever its maximum of gas lies.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_fluxotaxis.py
 """
 
 import math
@@ -135,8 +138,6 @@ def inflow_direction(positions_m: Floats, flux: Floats) -> Floats | None:
 
     Source:
         Following the flux upstream, as Zarzhitsky and Spears (remembered, unverified); the weights are ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_fluxotaxis.py
     """
     if len(positions_m) < 2:
         return None
@@ -158,7 +159,6 @@ def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats
     Args:
         positions_m: (n, 2) places, world frame [m].
         flux: (n, 2) F = c W at these places [ppm m/s].
-        reach_m: Who counts as a neighbour [m].
 
     Returns:
         The divergences; NaN where the neighbours do not span a plane.
@@ -214,8 +214,6 @@ class OutflowRule:
 
     Source:
         Zarzhitsky and Spears (the theorem as a rule; share and number of rounds are ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_fluxotaxis.py
     """
 
     def __init__(self, *, least_frac: float, least_flow: float, n_rounds: int) -> None:
@@ -224,7 +222,6 @@ class OutflowRule:
         Args:
             least_frac: The part of the outflow that must come from inside.
             least_flow: Net flow below which nothing is said [ppm m^2/s].
-            n_rounds: Rounds running.
         """
         self._least_frac, self._least_flow, self._n_rounds = least_frac, least_flow, n_rounds
         self._centres_m: list[tuple[float, float]] = []

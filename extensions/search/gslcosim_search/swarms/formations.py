@@ -1,6 +1,11 @@
 """Formations of a team: positions, keeping the shape, search for a plume, and rounds of a flight in formation.
 
 Slots are given in the frame of the formation: x upwind, y to the left of upwind, the mean of all slots at the origin.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_formation_agent.py
+    extensions/search/tests/unit/swarms/test_formations.py
+    extensions/search/tests/unit/swarms/test_plume_search.py
 """
 
 import math
@@ -38,8 +43,6 @@ def diagonal_line(n: int, spacing_m: float) -> Floats:
         Marjovi and Marques 2013 (abstract: equally spaced robots on a diagonal line are the best for finding plumes).
     Deviation:
         The slope of 45 degrees is ours; the paper's follows from wind and dispersion.
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     steps = np.arange(n, dtype=np.float64) - (n - 1) / 2.0
     return spacing_m * np.column_stack((steps, steps))
@@ -52,8 +55,6 @@ def inverted_v(n: int, spacing_m: float) -> Floats:
 
     Source:
         Soares, Aguiar, Pascoal, Martinoli 2015, ICRA, doi:10.1109/ICRA.2015.7139402 (shape named; measures ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     ranks = np.array([(i + 1) // 2 for i in range(n)], dtype=np.float64)
     sides = np.array([1.0 if i % 2 else -1.0 for i in range(n)])
@@ -65,7 +66,6 @@ def ring(n: int, radius_m: float, *, with_centre: bool = False, first_rad: float
 
     Args:
         n: Robots, the one in the centre among them.
-        radius_m: Radius of the circle [m].
         with_centre: Whether one robot stands in the middle.
         first_rad: Direction of the first place on the circle, counter-clockwise from upwind [rad].
     """
@@ -73,15 +73,6 @@ def ring(n: int, radius_m: float, *, with_centre: bool = False, first_rad: float
     angles_rad = first_rad + np.arange(n_around) * (2.0 * math.pi / max(n_around, 1))
     around = radius_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
     return np.vstack((np.zeros((1, 2)), around)) if with_centre else around
-
-
-def square_with_centre(radius_m: float) -> Floats:
-    """Return the (5, 2) slots of a square with its centre, sides along and across the wind, corners `radius_m` away.
-
-    Source:
-        Soares, Aguiar, Pascoal, Martinoli 2015 (shape named; measures ours).
-    """
-    return ring(5, radius_m, with_centre=True, first_rad=math.pi / 4.0)
 
 
 def hexagon(radius_m: float, *, with_centre: bool = True) -> Floats:
@@ -103,8 +94,6 @@ def formation(shape: str, n: int, size_m: float) -> Floats:
         shape: `line` and `inverted_v` have a spacing of `size_m`; `ring`, `square` and `hexagon` a radius of
             `size_m`. A square or a hexagon is what it is called for 5 (or 4) and for 7 (or 6) robots; with other
             numbers it is a ring, from five robots on with one of them in the centre.
-        n: Robots.
-        size_m: Spacing or radius [m].
 
     Raises:
         ValueError: no such shape.
@@ -260,7 +249,6 @@ def laplacian_velocity_m_s(
     all stand in their places every robot moves with it.
 
     Args:
-        i: Which robot.
         positions_m: (n, 2) places of it and the robots that it hears, p, world frame [m].
         offsets_m: (n, 2) slots of the same robots in world axes, b [m].
         upwind_rad: Direction the wind comes from; u is its unit vector, w the one to the left of it [rad].
@@ -326,13 +314,9 @@ def next_width(
         slots_m: (n, 2) slots in the frame of the formation; the edges are the greatest and the least y [m].
         smells: (n,) who smells gas.
         change_frac: Step q of one change.
-        least: Least factor.
-        most: Greatest factor.
 
     Source:
         Soares, Aguiar, Pascoal, Martinoli 2015 (abstract; step and limits ours).
-    Held by:
-        extensions/search/tests/unit/swarms/test_formations.py
     """
     if not smells.any():
         return width
@@ -358,7 +342,6 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     `lane_m`: n = ceil(L / lane), L / n apart and L / (2 n) from the walls.
 
     Args:
-        room: Where the lanes lie.
         upwind_rad: Direction the wind comes from, world frame [rad].
         lane_m: How wide a lane is at most [m].
         inset_m: How far before the room's sides the lanes turn [m]; at most to the middle.
@@ -405,11 +388,7 @@ def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, ste
 
     Args:
         lanes_m: (m, 2) turns [m].
-        place_m: Where the team is [m].
         step_m: How far along the lanes [m].
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_plume_search.py
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
     starts_m, spans_m = lanes_m[:-1], np.diff(lanes_m, axis=0)
@@ -433,8 +412,6 @@ class PlumeMemory:
 
     Source:
         Casting as in Lochmatter and Martinoli 2008; of a whole formation, ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_plume_search.py
     """
 
     def __init__(self, lanes_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:
@@ -442,8 +419,6 @@ class PlumeMemory:
 
         Args:
             lanes_m: (m, 2) turns of the lanes [m].
-            step_m: Step along the lanes [m].
-            cast_m: First leg of a cast [m].
             n_casts: Legs of a cast before the lanes are taken up again; 0 for none.
         """
         self._lanes_m, self._step_m, self._cast_m, self._n_casts = lanes_m, step_m, cast_m, n_casts
@@ -479,9 +454,6 @@ class FormationAgent(SearchAgent):
     `n_casts`.
 
     State: the rounds, the pilot, the team's wind, its best place, the plume's memory, and what was declared.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_formation_agent.py
     """
 
     now: Round
@@ -584,7 +556,6 @@ class FormationAgent(SearchAgent):
         """Return the formation's centre (2,) [m], by where the robots of a round are and where they belong.
 
         Args:
-            now: The round.
             offsets_m: (n_members, 2) slots in world axes, by sorted names [m].
         """
         return centre_m(now.positions_m, offsets_m[self.slots_of(now)])

@@ -1,6 +1,11 @@
 """Glowworm swarm optimisation: brighter robots attract those who see them; rules for gas and several sources.
 
 Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame [m].
+
+Held by:
+    extensions/search/tests/agents/test_gso.py
+    extensions/search/tests/agents/test_modified_gso.py
+    extensions/search/tests/unit/swarms/test_glowworms.py
 """
 
 import math
@@ -20,7 +25,6 @@ from gslcosim_search.swarms.swarm_robot import LOST_AFTER_S, SwarmRobot
 
 Vector = NDArray[np.float64]
 N_DRAWS = 10
-_LEAST_M = 1e-9
 
 
 def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float) -> float:
@@ -36,8 +40,6 @@ def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float
 
     Source:
         Krishnanand and Ghose 2009, doi:10.1007/s11721-008-0021-5; rho 0.4 and gamma 0.6 remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
     return (1.0 - decay) * luciferin + gain * amount
 
@@ -80,16 +82,6 @@ def choose_by_probability(probabilities: Vector, draw: float) -> int:
     return min(int(np.searchsorted(np.cumsum(probabilities), draw, side="right")), len(probabilities) - 1)
 
 
-def step_towards(place_m: Vector, goal_m: Vector, step_m: float) -> Vector:
-    """Return the place after a step of fixed length to another; it may pass it, as in the paper.
-
-    x' = x + s (x_j - x) / |x_j - x|        [m] = [m] + [m]
-    """
-    way_m = goal_m - place_m
-    distance_m = float(np.linalg.norm(way_m))
-    return place_m + way_m * (step_m / distance_m) if distance_m > _LEAST_M else place_m.copy()
-
-
 def next_radius_m(radius_m: float, n_neighbours: int, *, wanted: int, gain_m: float, sight_m: float) -> float:
     """Return the next sight radius of a glowworm: larger with too few brighter neighbours, smaller with too many.
 
@@ -119,8 +111,6 @@ class OdourGlow:
 
     Source:
         The odour version by the authors' group (abstracts only): decay makes it worse, threshold 1 ppm.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
 
     def __init__(self, *, memory_s: float, threshold: float) -> None:
@@ -174,8 +164,6 @@ def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequenc
 
     Source:
         Zhang et al. 2011 (CCC), modified GSO as described in the thesis on GSL-Bench; R 2 m remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
     return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
 
@@ -190,8 +178,6 @@ class SpiralSearch:
 
     Source:
         Spiral as the first mode of the odour version (abstract only); what it does at walls is ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_glowworms.py
     """
 
     def __init__(
@@ -206,10 +192,7 @@ class SpiralSearch:
         """Begin without a spiral.
 
         Args:
-            room: Where it may lead.
-            draws: Random numbers.
             gap_m: Distance between its turns [m].
-            leg_m: Longest step [m].
             is_left_out: Which places (x, y) are not worth to be searched.
         """
         self._room, self._draws, self._is_left_out = room, draws, is_left_out
@@ -276,9 +259,6 @@ class Glowworm(SwarmRobot):
     `spiral_gap_m` and `wind_floor_m_s`.
 
     State: that of a robot, its luciferin, how far it sees, its spiral, and the side to which it circles.
-
-    Held by:
-        extensions/search/tests/agents/test_gso.py, test_modified_gso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:

@@ -1,6 +1,9 @@
 """Particle swarm optimisation for robots: velocities from bests, limits, repulsion, wind rules, fading bests.
 
 All are pure functions of given random numbers; a velocity is a step [m per iteration], vectors are (d,) float64 arrays.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_particle_swarm.py
 """
 
 import math
@@ -87,8 +90,6 @@ def repelled_velocity(
         GSL-Bench, read in code.
     Deviation:
         The sum may be nothing, where the robots stand in each other or the last step undoes it: then v' is zero.
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
     away_m = place_m - others_m.reshape(-1, len(place_m))
     near = np.linalg.norm(away_m, axis=1) < within_m
@@ -125,8 +126,6 @@ def charge_velocity(place_m: Vector, others_m: Vector, charge: Charge) -> Vector
         Blackwell and Bentley 2002 (GECCO), as in equation 4.1 of the thesis on GSL-Bench.
     Deviation:
         One exactly in the same place does not push, for want of a direction.
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
     away_m = place_m - others_m.reshape(-1, len(place_m))
     distances_m = np.linalg.norm(away_m, axis=1)
@@ -159,8 +158,6 @@ def rotate_out_of_downwind(velocity_m: Vector, wind_m_s: Vector, forbidden_rad: 
 
     Source:
         Jatmiko, Sekiyama, Fukuda 2007, the idea; angles of 60 to 90 degrees are remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
     if not wind_m_s.any() or not velocity_m.any():
         return velocity_m.copy()
@@ -182,8 +179,6 @@ def shorten_downwind(velocity_m: Vector, wind_m_s: Vector) -> Vector:
 
     Source:
         Jatmiko, Sekiyama, Fukuda 2007, the idea; this chi is chosen (the paper's is not known to us).
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
     if not wind_m_s.any():
         return velocity_m.copy()
@@ -203,8 +198,6 @@ def fade_amount(amount: float, age_s: float, fades_s: float) -> float:
 
     Source:
         Our choice for gas that changes with time; tau of 60 s is remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
     return amount * math.exp(-max(0.0, age_s) / fades_s) if fades_s > 0.0 else amount
 
@@ -234,8 +227,6 @@ class Stagnation:
 
     Source:
         Jatmiko, Sekiyama, Fukuda 2007 (detection and response); 10 to 20 iterations are remembered, unverified.
-    Held by:
-        extensions/search/tests/unit/swarms/test_particle_swarm.py
     """
 
     def __init__(self, n_patient: int) -> None:

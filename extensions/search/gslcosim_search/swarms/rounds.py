@@ -296,8 +296,6 @@ class Rounds:
 
         Args:
             briefing: The agent's briefing.
-            nose: What the gas is read with.
-            vane: What the wind is read with.
             amount: Gives the gas of a measurement, for the reports; by default its mixing ratio.
             timeout_s: How long a silent robot is waited for [s].
             first_timeout_s: The same in the first round, in which all take off [s].
@@ -344,7 +342,6 @@ class Rounds:
         A round is returned once; the next call begins the next one with what the vehicle reads then.
 
         Args:
-            observation: One that awaits a command.
             numbers: Up to seven numbers of the method's own for the report.
             best: The best place that the robot knows of, for the report.
         """

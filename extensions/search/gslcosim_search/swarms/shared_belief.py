@@ -3,6 +3,10 @@
 Langevin motion goes downhill on the belief's potential with as much noise as a temperature says. A cold robot goes to
 the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands worse than a hotter one,
 they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_langevin.py
+    extensions/search/tests/unit/swarms/test_shared_belief.py
 """
 
 import math
@@ -66,8 +70,6 @@ class SharedBelief:
         J. Phys. A 42, 434009; remembered, unverified): likelihoods of all are multiplied.
     Deviation:
         Findings weigh less where others were made, for what a room's wind does there is not independent.
-    Held by:
-        extensions/search/tests/unit/swarms/test_shared_belief.py
     """
 
     def __init__(
@@ -84,9 +86,7 @@ class SharedBelief:
         """Begin with an even belief over free cells.
 
         Args:
-            grid: The cells, in the plane.
             free: (nx, ny) which of them the source may be in.
-            dispersal: What is supposed of the plume.
             floor: Least probability of an outcome.
             power: Tempering of the first finding at a place.
             near_m: Findings so close together are at one place [m].
@@ -165,7 +165,6 @@ def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> 
 
     Args:
         p: Belief, flat.
-        own: Stops to choose from.
         planned: Of each other robot the one stop that it has chosen.
 
     Returns:
@@ -198,8 +197,6 @@ def belief_potential(p: Floats) -> Floats:
 
     Source:
         SniffySquad (arXiv 2411.06121), Phi = -log p. The floor is ours: cells of probability 0 have no slope.
-    Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py
     """
     return -np.log(np.maximum(p, LEAST_P))
 
@@ -212,7 +209,6 @@ def potential_slope(potential: Floats, grid: CellGrid, point_m: Sequence[float])
 
     Args:
         potential: (nx, ny) potential at the centres of the cells.
-        grid: The cells.
         point_m: The place; that of the nearest cell is taken, world frame [m].
 
     Source:
@@ -245,7 +241,6 @@ def langevin_step_m(
         noise: (2,) standard normal numbers xi.
         temperature: tau; 0 goes straight downhill.
         mobility_m2: eta [m^2].
-        longest_m: Longest drift of a step [m].
 
     Source:
         SniffySquad (arXiv 2411.06121): x <- x - eta grad Phi + sqrt(2 eta tau) xi, drift capped at the maximal speed.
@@ -272,7 +267,6 @@ def swap_probability(tau_i: float, tau_j: float, phi_i: float, phi_j: float, *, 
     Args:
         tau_i: Temperature of one, > 0.
         tau_j: Of the other, > 0.
-        phi_i: Potential at the place of the one.
         phi_j: Of the other.
         attempt: a, how often a swap is tried at all.
 
@@ -338,8 +332,6 @@ def swap_roles(
 
     Source:
         Alternating neighbours is common in replica exchange; the paper swaps pairs (i, j) without saying which.
-    Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py
     """
     changed = dict(roles)
     by_heat = sorted(roles, key=lambda name: roles[name])

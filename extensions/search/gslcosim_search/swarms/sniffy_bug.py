@@ -2,6 +2,9 @@
 
 Duisterhof, Li, Burgues, Reddi, de Croon 2021 (IROS). Places and directions are in the world frame, (2,) float64.
 Beams are numbered 0 front, 1 left, 2 back, 3 right; modulo 4 they turn counter-clockwise.
+
+Held by:
+    extensions/search/tests/unit/swarms/test_sniffy_bug.py
 """
 
 import math
@@ -89,8 +92,6 @@ def searching_waypoint(place_m: Vector, last_m: Vector, drawn_m: Vector, *, iner
 
     Source:
         Duisterhof et al. 2021, as read in the authors' code.
-    Held by:
-        extensions/search/tests/unit/swarms/test_sniffy_bug.py
     """
     return place_m + inertia * (last_m - place_m) + draw * (drawn_m - place_m)
 
@@ -111,8 +112,6 @@ def tracking_waypoint(
 
     Source:
         Duisterhof et al. 2021, as read in the authors' code.
-    Held by:
-        extensions/search/tests/unit/swarms/test_sniffy_bug.py
     """
     to_own, to_swarm = own_best_m - place_m, swarm_best_m - place_m
     return place_m + table.inertia * (last_m - place_m) + table.own * to_own + table.swarm * to_swarm
@@ -168,8 +167,6 @@ def avoidance_direction(
         Duisterhof et al. 2021.
     Deviation:
         The waypoint attracts by its distance; the gain of this term is not known to us.
-    Held by:
-        extensions/search/tests/unit/swarms/test_sniffy_bug.py
     """
     total = goal_m - place_m
     for beam, range_m in enumerate(ranges_m):
@@ -210,12 +207,9 @@ class Bug:
 
     Source:
         Duisterhof et al. 2021, as described in words; the details of wall following are ours.
-    Held by:
-        extensions/search/tests/unit/swarms/test_sniffy_bug.py
     """
 
     def __init__(self, table: BugParameters, *, past_m: float = 0.5) -> None:
-        """Begin without a line."""
         self._table = table
         self._past_m = past_m
         self._start_m = self._goal_m = np.zeros(2)

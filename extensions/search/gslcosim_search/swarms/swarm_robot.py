@@ -1,4 +1,9 @@
-"""Swarm robot: a nose, bests that fade, reports of the others, legs, and a declaration; particles among them."""
+"""Swarm robot: a nose, bests that fade, reports of the others, legs, and a declaration; particles among them.
+
+Held by:
+    extensions/search/tests/agents/test_s_pso.py
+    extensions/search/tests/unit/swarms/test_swarm_robot.py
+"""
 
 import math
 from abc import abstractmethod
@@ -43,9 +48,6 @@ class GasScale:
     not exceed the floor.
 
     State: R0, the most that was ever measured [ohm].
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py
     """
 
     def __init__(self, nose: Nose, *, floor: float, band_frac: float) -> None:
@@ -72,9 +74,6 @@ class Explorer:
     """Legs to waypoints drawn at random, for as long as nobody has met gas: the rule of Sniffy Bug.
 
     State: the waypoint, and since when it is flown to.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, inertia: float, draw: float, waypoint_s: float) -> None:
@@ -111,13 +110,9 @@ class SwarmMember(SearchAgent):
 
     State: where and when it is, what it smells, its own best, what the others said, and its declaration. A method may
     set `numbers`, what it sends the others besides, and `is_ignored`, the places whose gas does not count.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best."""
         super().__init__(briefing, settings)
         settings = self.settings
         self.team = Team(briefing)
@@ -226,13 +221,9 @@ class SwarmRobot(SwarmMember):
     Its settings: those of a member, `leg_m` and `wall_margin_m`.
 
     State: that of a member, and its last step.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best and without a step."""
         super().__init__(briefing, settings)
         self.step_m = self._planned_m = _NO_STEP
         self.pilot = LegPlanner(briefing, self.draws, margin_m=self.settings.wall_margin_m)
@@ -288,13 +279,9 @@ class Particle(SwarmRobot):
     `repel_m` (0: nobody repels).
 
     State: that of a robot, and its waypoint before any gas.
-
-    Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py, extensions/search/tests/agents/test_s_pso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
-        """Begin without a best, a step and a waypoint."""
         super().__init__(briefing, settings)
         settings = self.settings
         self.weights = SwarmWeights(inertia=settings.inertia, own=settings.own, swarm=settings.swarm)

@@ -16,7 +16,6 @@ from gslcosim_search.bayes.hidden_markov import (
     count_hops_per_step,
     hop_chances,
     likeliest_path,
-    marginals,
     place_along_m,
 )
 from gslcosim_search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
@@ -115,22 +114,6 @@ def test_arrivals_are_the_sum_over_all_paths(plume):
         )
 
 
-def test_marginals_are_those_of_all_paths(plume):
-    rng = np.random.default_rng(5)
-    first = normalised(rng.uniform(size=plume.grid.shape) * ~plume.is_solid)
-    evidence = rng.uniform(size=(plume.n_hops + 1, *plume.grid.shape))
-    expected, total = np.zeros((plume.n_hops + 1, plume.grid.n_cells)), 0.0
-    for path, chance in paths(plume):
-        seen = math.prod(evidence[m].reshape(-1)[cell] for m, cell in enumerate(path))
-        weight = first.reshape(-1)[path[0]] * chance * seen
-        total += weight
-        for m, cell in enumerate(path):
-            expected[m, cell] += weight
-    where, log_likelihood = marginals(plume, first, evidence)
-    assert where.reshape(expected.shape) == pytest.approx(expected / total, abs=1e-12)
-    assert log_likelihood == pytest.approx(math.log(total))
-
-
 def test_the_likeliest_path_is_the_best_of_all(plume):
     n_y = plume.grid.shape[1]
     source = normalised(np.random.default_rng(9).uniform(size=plume.grid.shape) * ~plume.is_solid)
@@ -147,29 +130,6 @@ def test_the_likeliest_path_is_the_best_of_all(plume):
         found = likeliest_path(plume, sensor, source)
         assert found.log_likelihood == pytest.approx(math.log(best))
         assert found.cells == tuple((cell // n_y, cell % n_y) for cell in best_cells)
-
-
-def test_observations_that_exclude_each_other_leave_no_parcel():
-    plume = tiny_plumes()[0]
-    evidence = np.ones((plume.n_hops + 1, *TINY.shape))
-    evidence[2] = 0.0
-    where, log_likelihood = marginals(plume, np.full(TINY.shape, 1 / 6), evidence)
-    assert log_likelihood == -math.inf
-    assert where[2:].max() == 0.0
-
-
-def test_many_hops_move_a_parcel_with_the_wind_and_spread_it_by_the_root_of_time():
-    grid, wind = CellGrid((0.0, 0.0), 0.5, (81, 61)), np.array([[0.2, -0.1]])
-    plume = build_chain_in_uniform_wind(
-        grid, np.zeros(grid.shape, bool), np.tile(wind, (20, 1)), step_s=1.0, spread_m_sqrt_s=0.4
-    )
-    start = np.zeros(grid.shape)
-    start[40, 30] = 1.0
-    where, _ = marginals(plume, start, np.ones((plume.n_hops + 1, *grid.shape)))
-    offsets_m = grid.centres_m() - grid.centre_m((40, 30))
-    mean_m = where[-1].reshape(-1) @ offsets_m
-    assert mean_m == pytest.approx([4.0, -2.0], abs=1e-9)
-    assert where[-1].reshape(-1) @ (offsets_m - mean_m) ** 2 == pytest.approx([3.2, 3.2], rel=1e-9)
 
 
 def test_in_uniform_wind_the_chain_says_what_puff_tracing_says():
@@ -198,19 +158,6 @@ def test_gas_does_not_pass_a_wall_nor_the_corner_between_two_solid_cells():
     corner[[0, 1, 2, 3], [3, 2, 1, 0]] = True
     plume = build_chain_in_uniform_wind(grid, corner, np.tile([[0.3, 0.3]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
     assert compute_arrival_probabilities(plume, (4, 4))[:, 0, 0].max() == 0.0
-
-
-def test_a_wall_keeps_parcels_and_a_border_loses_them():
-    wall = np.zeros((5, 5), bool)
-    wall[0], wall[-1], wall[:, 0], wall[:, -1] = True, True, True, True
-    grid, start = CellGrid((0.0, 0.0), 1.0, (5, 5)), np.zeros((5, 5))
-    start[2, 2] = 1.0
-    for is_solid, kept in ((wall, True), (np.zeros((5, 5), bool), False)):
-        plume = build_chain_in_uniform_wind(
-            grid, is_solid, np.tile([[0.5, 0.2]], (20, 1)), step_s=1.0, spread_m_sqrt_s=0.3
-        )
-        _, log_likelihood = marginals(plume, start, np.ones((plume.n_hops + 1, 5, 5)))
-        assert math.exp(log_likelihood) == (pytest.approx(1.0) if kept else pytest.approx(0.0, abs=0.05))
 
 
 def test_shares_are_the_mean_and_the_product_over_release_times(plume):

@@ -14,17 +14,13 @@ from gslcosim_search.information.objectives import (
     find_min_cost_index,
     flatten_belief,
     free_energy_cost,
-    greedy_cost,
     information_gain_cost,
     infotaxis_cost,
-    mean_distance_cost,
-    most_likely_state_cost,
     n_step_costs,
     predict_stops,
     renyi_cost,
     space_aware_cost,
     update_belief,
-    voting_cost,
 )
 
 GRID = CellGrid((0.0, 0.0), 1.0, (6, 5))
@@ -87,8 +83,6 @@ def test_each_criterion_is_its_definition_outcome_by_outcome(tempering):
         assert entrotaxis_cost(predictions)[i] == pytest.approx(-entropy_bits(rho))
         assert information_gain_cost(predictions)[i] == pytest.approx(-np.dot(rho, gains))
         assert renyi_cost(predictions)[i] == pytest.approx(-np.dot(rho, renyi))
-        assert mean_distance_cost(predictions)[i] == pytest.approx(np.dot(chances, distances))
-        assert greedy_cost(predictions)[i] == pytest.approx(sum(chances))
         assert free_energy_cost(predictions, step_m=step_m, temperature=temperature)[i] == pytest.approx(
             np.dot(chances, np.array(distances) + temperature * np.array(entropies))
         )
@@ -220,31 +214,6 @@ def test_more_steps_never_promise_less():
     p, tree = belief(), line_tree()
     shallow, deep = (n_step_costs(p, tree, depth=depth, discount=1.0) for depth in (1, 2))
     assert (deep <= shallow + 1e-12).all()
-
-
-# ------------------------------------------------------------------------------------------------ simple policies
-
-
-def test_greedy_takes_the_neighbour_that_is_most_likely_the_source():
-    p = belief()
-    assert find_min_cost_index(greedy_cost(predict_stops(p, candidates()))) == int(
-        np.argmax(predict_stops(p, candidates()).found_frac)
-    )
-
-
-def test_votes_are_counted_by_quadrants():
-    p = belief()
-    votes = -voting_cost(p, CELLS_M, (2.5, 2.5), PLACES_M)
-    x, y = (CELLS_M - 2.5).T
-    quadrants = [(a >= abs(b)) & (a > 0) for a, b in ((x, y), (-x, y), (y, x), (-y, x))]
-    here = p[(x == 0) & (y == 0)].sum()
-    assert votes[1:] - here == pytest.approx([p[quadrant].sum() for quadrant in quadrants])
-
-
-def test_the_most_likely_place_is_approached():
-    p = np.zeros(GRID.n_cells)
-    p[GRID.shape[1] * 5 + 2] = 1.0  # the cell at (5.5, 2.5)
-    assert find_min_cost_index(most_likely_state_cost(p, CELLS_M, PLACES_M)) == 1
 
 
 # ------------------------------------------------------------------------------------------------ the monitor

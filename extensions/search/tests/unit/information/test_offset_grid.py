@@ -9,11 +9,9 @@ from gslcosim_search.information.pomdp import (
     MOVES,
     OffsetGrid,
     PlumeTable,
-    Pomdp,
     RunningWind,
     headings_rad,
     offsets_m,
-    solve_by_value_iteration,
     update_offset_belief,
 )
 
@@ -55,15 +53,6 @@ def test_moves_go_where_their_headings_point():
         assert step == pytest.approx([along, across], abs=1e-12)
 
 
-def test_successors_of_inner_cells_lie_one_cell_on_and_edges_hold():
-    centres_m = GRID.centres_m().reshape(*GRID.shape, 2)
-    successors = GRID.successors().reshape(4, *GRID.shape)
-    for move, cells in zip(MOVES, successors, strict=True):
-        there_m = GRID.centres_m()[cells]
-        assert there_m[1:-1, 1:-1] - centres_m[1:-1, 1:-1] == pytest.approx(np.broadcast_to(move, (4, 5, 2)))
-    assert successors[0, 0, 3] == 3
-
-
 def test_weights_that_are_gathered_keep_their_sum_and_their_mean():
     rng = np.random.default_rng(2)
     places = rng.uniform((-2.0, -3.0), (3.0, 3.0), size=(40, 2))
@@ -101,22 +90,6 @@ def test_a_power_below_one_takes_an_observation_for_less_and_an_impossible_one_f
     belief = np.array([0.5, 0.5])
     assert update_offset_belief(belief, np.array([0.9, 0.1]), 0.5) == pytest.approx([0.75, 0.25])
     assert update_offset_belief(belief, np.zeros(2)) == pytest.approx(belief)
-
-
-def test_a_certain_source_is_flown_to_by_the_values_of_the_search_problem():
-    grid = OffsetGrid(first_m=(-4.0, -4.0), cell_m=1.0, shape=(9, 9))
-    near = np.hypot(*grid.centres_m().T) < 0.5
-    successor = grid.successors()
-    problem = Pomdp(
-        successor=successor,
-        observed=np.ones((1, grid.n_cells)),
-        reward=near[successor] * 1.0,
-        is_terminal=near,
-        discount=0.9,
-    )
-    q = solve_by_value_iteration(problem)
-    steps = np.abs(grid.centres_m()).sum(axis=1)
-    assert q.max(axis=0)[~near] == pytest.approx(0.9 ** (steps[~near] - 1))
 
 
 def test_a_table_comes_back_from_its_file(tmp_path):

@@ -2,16 +2,18 @@
 
 import numpy as np
 import pytest
-
-from gslcosim_search.information.pomdp import (
+from pomdp_planning import (
     Pomdp,
     backup_at_belief,
+    find_successors,
     improve_by_perseus,
     predict_belief,
     sample_beliefs,
     solve_by_value_iteration,
     update_belief,
 )
+
+from gslcosim_search.information.pomdp import MOVES, OffsetGrid
 
 LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
 G = 0.9
@@ -142,3 +144,31 @@ def test_beliefs_that_a_searcher_meets_are_distributions_over_places_where_it_go
     assert met.shape == (50, 6)
     assert met.sum(axis=1) == pytest.approx(np.ones(50))
     assert not met[:, -1].any()
+
+
+GRID = OffsetGrid(first_m=(-2.0, -3.0), cell_m=1.0, shape=(6, 7))
+
+
+def test_successors_of_inner_cells_lie_one_cell_on_and_edges_hold():
+    centres_m = GRID.centres_m().reshape(*GRID.shape, 2)
+    successors = find_successors(GRID).reshape(4, *GRID.shape)
+    for move, cells in zip(MOVES, successors, strict=True):
+        there_m = GRID.centres_m()[cells]
+        assert there_m[1:-1, 1:-1] - centres_m[1:-1, 1:-1] == pytest.approx(np.broadcast_to(move, (4, 5, 2)))
+    assert successors[0, 0, 3] == 3
+
+
+def test_a_certain_source_is_flown_to_by_the_values_of_the_search_problem():
+    grid = OffsetGrid(first_m=(-4.0, -4.0), cell_m=1.0, shape=(9, 9))
+    near = np.hypot(*grid.centres_m().T) < 0.5
+    successor = find_successors(grid)
+    problem = Pomdp(
+        successor=successor,
+        observed=np.ones((1, grid.n_cells)),
+        reward=near[successor] * 1.0,
+        is_terminal=near,
+        discount=0.9,
+    )
+    q = solve_by_value_iteration(problem)
+    steps = np.abs(grid.centres_m()).sum(axis=1)
+    assert q.max(axis=0)[~near] == pytest.approx(0.9 ** (steps[~near] - 1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim_search.beliefs import CellGrid, mass_within
-from gslcosim_search.maps.pmfs import PlumeModel, Pmfs, PmfsSettings, add_log_score_inplace, disagreement
+from gslcosim_search.maps.pmfs import Pmfs, PmfsSettings, add_log_score_inplace, disagreement
 from gslcosim_search.random_stream import RandomStream
 
 CALM = (0.0, 0.0)
@@ -105,7 +105,7 @@ def test_disagreement_is_the_variance_under_the_belief():
 def test_gas_downwind_and_clean_air_beside_put_the_source_between():
     """Wind to the east; gas on a line at y = 15, none upwind of x = 10 and none to the sides."""
     free = open_room()
-    pmfs = method(free, plume=PlumeModel(puffs_per_s=5.0, diffusivity_m2_s=0.01, lifetime_s=60.0))
+    pmfs = method(free, puffs_per_s=5.0, diffusivity_m2_s=0.01, lifetime_s=60.0)
     wind_m_s = even_wind(free, 0.4)
     for i in (14, 18, 22, 26):
         pmfs.update(centre((i, 15)), [True] * 4, (0.4, 0.0))

@@ -158,7 +158,7 @@ def test_log_odds_of_many_hits_have_no_bound():
 
 def test_sources_are_scored_at_every_third_stop_after_the_first_ones():
     pmfs = method(np.ones((9, 9), bool))
-    assert [stop for stop in range(1, 14) if pmfs.is_update_due()] == [6, 9, 12]
+    assert [stop for stop in range(1, 14) if pmfs.is_update_due(has_findings=True)] == [6, 9, 12]
 
 
 def test_goals_are_in_sight_of_stops_and_not_beside_them():

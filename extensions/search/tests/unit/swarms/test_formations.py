@@ -17,7 +17,6 @@ from gslcosim_search.swarms.formations import (
     mixed_direction,
     next_width,
     odour_offset_m,
-    square_with_centre,
 )
 
 GAINS = {"formation_per_s": 0.4, "upwind_m_s": 0.3, "odour_per_s": 0.2}
@@ -54,10 +53,9 @@ def test_the_first_of_an_inverted_v_is_upwind_of_all_and_the_arms_are_mirrored()
 
 
 def test_a_square_has_its_centre_and_sides_along_the_wind():
-    slots = square_with_centre(math.sqrt(2.0))
+    slots = formation("square", 5, math.sqrt(2.0))
     assert slots[0] == pytest.approx(0.0)
     assert np.abs(slots[1:]) == pytest.approx(1.0)
-    assert formation("square", 5, math.sqrt(2.0)) == pytest.approx(slots)
 
 
 def test_neighbours_in_a_hexagon_are_a_radius_apart():
@@ -166,13 +164,13 @@ def test_the_odour_lies_where_the_gas_is_and_nowhere_without_gas():
     [([0, 1, 0, 0, 0], 1.1), ([1, 0, 0, 0, 0], 1.0 / 1.1), ([0, 0, 0, 0, 0], 1.0), ([1, 1, 1, 1, 1], 1.1)],
 )
 def test_a_formation_widens_when_its_edge_smells_and_narrows_when_only_its_middle_does(smells, width):
-    slots = square_with_centre(1.0)
+    slots = formation("square", 5, 1.0)
     changed = next_width(1.0, slots, np.array(smells, bool), change_frac=0.1, least=0.5, most=2.0)
     assert changed == pytest.approx(width)
 
 
 def test_the_width_keeps_within_its_limits():
-    slots = square_with_centre(1.0)
+    slots = formation("square", 5, 1.0)
     assert next_width(1.95, slots, np.ones(5, bool), change_frac=0.1, least=0.5, most=2.0) == 2.0
     middle = np.array([True, False, False, False, False])
     assert next_width(0.51, slots, middle, change_frac=0.1, least=0.5, most=2.0) == 0.5

@@ -15,7 +15,6 @@ from gslcosim_search.swarms.glowworms import (
     is_in_excluded_region,
     next_luciferin,
     next_radius_m,
-    step_towards,
 )
 
 ROOM = LegSpace(min_m=(1.0, 1.0, 0.5), max_m=(9.0, 7.0, 2.5))
@@ -62,11 +61,6 @@ def test_a_draw_falls_on_each_with_its_probability():
     )  # rounding must not fall off the end
 
 
-def test_a_step_has_its_length_and_leads_to_the_neighbour():
-    assert step_towards(at(1, 1), at(4, 5), 0.5) == pytest.approx([1.3, 1.4])
-    assert step_towards(at(1, 1), at(1, 1), 0.5).tolist() == [1.0, 1.0]
-
-
 def test_the_radius_grows_with_too_few_neighbours_and_shrinks_with_too_many():
     assert next_radius_m(3.0, 2, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(3.24)
     assert next_radius_m(3.0, 8, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(2.76)
@@ -87,7 +81,8 @@ def test_radii_stay_between_nothing_and_the_sight_in_a_whole_swarm(seed):
                 probabilities = attraction(glow[i], glow[seen])
                 assert probabilities.sum() == pytest.approx(1.0)
                 goal = places[seen[choose_by_probability(probabilities, draws.fraction())]]
-                places[i] = step_towards(places[i], goal, min(0.1, math.dist(places[i], goal)))
+                way_m = goal - places[i]
+                places[i] += way_m * min(1.0, 0.1 / max(math.hypot(*way_m), 1e-9))
             radii[i] = next_radius_m(radii[i], len(seen), wanted=2, gain_m=0.3, sight_m=8.0)
             assert 0.0 <= radii[i] <= 8.0
     assert np.mean([math.dist(a, b) for a in places for b in places]) < 0.5 * np.mean(start)
