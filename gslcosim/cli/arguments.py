@@ -92,18 +92,6 @@ class CommandOptions:
     completes: Mapping[str, Sequence[FindWords]] = field(default_factory=dict[str, Sequence[FindWords]])
 
 
-def as_command_options(offered: object) -> CommandOptions | None:
-    """Return what an extension registers as options of a command, or None where it is something else."""
-    return offered if isinstance(offered, CommandOptions) else None
-
-
-def as_command_groups(offered: object) -> tuple[CommandGroup, ...] | None:
-    """Return what an extension registers as commands, or None where it is something else."""
-    if isinstance(offered, tuple) and all(isinstance(each, CommandGroup) for each in offered):
-        return offered
-    return None
-
-
 def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
     """Return groups of which no two have one title, and families of which no two have one name.
 
@@ -215,7 +203,11 @@ def load_options(path: str) -> list[CommandOptions]:
     Args:
         path: Words that call it, with dots between them.
     """
-    return list(load_registered(OPTIONS_GROUP, as_command_options, "a CommandOptions", name=path))
+
+    def accept(offered: object) -> CommandOptions | None:
+        return offered if isinstance(offered, CommandOptions) else None
+
+    return list(load_registered(OPTIONS_GROUP, accept, "a CommandOptions", name=path))
 
 
 def _listing(groups: Sequence[CommandGroup]) -> str:
