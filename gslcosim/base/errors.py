@@ -313,12 +313,7 @@ def cut_contract_frames(error: BaseException) -> None:
 
 
 def format_fault(error: BaseException, trace: str) -> str:
-    """Return the message of an error that ends a run.
-
-    Args:
-        error: The error.
-        trace: Its traceback, which is shown where the error is ours alone.
-    """
+    """Return the message of an error that ends a run."""
     if isinstance(error, GslCosimError):
         return str(error)
     refused = translate(error)

@@ -67,14 +67,7 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
 
 
 def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
-    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none.
-
-    Args:
-        path: The file.
-        kind: The type of each line.
-        remedy: What helps where a line is something else.
-        max_bytes: How large a line may be.
-    """
+    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none."""
     place = f"{path.parent.name}/{path.name}"
     try:
         with open_regular_file(path) as file:
@@ -140,13 +133,7 @@ def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
 
 
 def validate_value(value: object, kind: type[T], *, place: str) -> T:
-    """Return plain values that JSON can carry as they are, where they are of a type.
-
-    Args:
-        value: Dicts, lists and scalars.
-        kind: The type.
-        place: Where they come from, for errors.
-    """
+    """Return plain values that JSON can carry as they are, where they are of a type."""
     # Commands that list runs do without it, and begin sooner.
     if kind == JsonObject:
         if isinstance(value, dict):

@@ -301,12 +301,7 @@ def parse_whole_number(text: str) -> int:
 
 
 def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    """Return what reads a finite number from the command line.
-
-    Args:
-        expected: What an error says should be there.
-        is_allowed: Whether a finite number is.
-    """
+    """Return what reads a finite number from the command line."""
 
     def parse_number(text: str) -> float:
         try:

@@ -32,12 +32,7 @@ _ENDINGS = {
 
 @contextlib.contextmanager
 def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
-    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing.
-
-    Args:
-        title: What flies, at the beginning of the live line.
-        is_quiet: Whether to show nothing.
-    """
+    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing."""
     if is_quiet:
         yield lambda _: None
     elif sys.stderr.isatty():

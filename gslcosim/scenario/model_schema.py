@@ -429,12 +429,7 @@ _MAX_SHOWN = 60
 
 
 def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
-    """Return each problem of a validation once, at the deepest place that the models know.
-
-    Args:
-        error: What pydantic says.
-        root: The model that was validated.
-    """
+    """Return each problem of a validation once, at the deepest place that the models know."""
     problems: dict[str, Problem] = {}
     if (n_more := error.error_count() - _MAX_PROBLEMS) > 0:
         found = f"{n_more} more than those that are told"

@@ -39,12 +39,7 @@ MAX_DURATION_S = 1e9
 
 
 def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
-    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given.
-
-    Args:
-        values: The scenario, or a part of it.
-        path: The place of the part.
-    """
+    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given."""
     if isinstance(values, dict):
         for key, value in cast("dict[str, object]", values).items():
             # What an agent's parameters mean is the agent's.
@@ -132,11 +127,7 @@ _USUAL_VEHICLE = "iris"
 
 
 def find_event_problems(values: dict[str, Any]) -> Iterator[Problem]:
-    """Yield what is wrong between a scenario's events and the rest of its plain values.
-
-    Args:
-        values: The scenario as dicts, lists and scalars.
-    """
+    """Yield what is wrong between a scenario's events and the rest of its plain values."""
     yield from _wrong_doors(values)
     for i, event in blocks_in(values, "events"):
         path = f"events[{i}]"
@@ -388,10 +379,6 @@ def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Prob
     """Return the problems of plain values that no single block shows.
 
     Values of a wrong kind are passed over: the models complain about them.
-
-    Args:
-        values: The scenario as dicts, lists and scalars.
-        directory: The scenario's folder; relative paths start there.
     """
     return [
         *_repeated_names(values),

@@ -53,12 +53,7 @@ class Check:
     is_warning: bool = False
 
     def find(self, content: Any, directory: Path) -> Iterable[Problem]:
-        """Return the problems of what a file holds.
-
-        Args:
-            content: What the file holds.
-            directory: Its folder, where relative paths start.
-        """
+        """Return the problems of what a file holds."""
         if not self.is_needed(content):
             return ()
         return import_function(self.finder)(content, directory)
@@ -102,12 +97,7 @@ class FileKind:
     checks: tuple[Check, ...] = ()
 
     def validate(self, path: str, *, seed: int | None) -> ValidFile:
-        """Return the outcome of the check of a file.
-
-        Args:
-            path: The file.
-            seed: A seed in place of the file's, for kinds that have one.
-        """
+        """Return the outcome of the check of a file."""
         return import_function(self.validator)(path, seed)
 
 
@@ -275,24 +265,13 @@ def list_scenario_checks(
 
 
 def find_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
-    """Return what is to be known of a valid scenario before it is run.
-
-    Args:
-        scenario: What is to be run.
-        directory: The scenario's folder, where relative paths start.
-    """
+    """Return what is to be known of a valid scenario before it is run."""
     warnings = (check for check in list_checks(SCENARIO) if check.is_warning)
     return [problem for check in warnings for problem in check.find(scenario, directory)]
 
 
 def find_problems(of: str, content: Any, directory: Path) -> Iterator[Problem]:
-    """Yield the problems that all checks of a kind of file find.
-
-    Args:
-        of: The name of the kind of file.
-        content: What the file holds.
-        directory: Its folder, where relative paths start.
-    """
+    """Yield the problems that all checks of a kind of file find."""
     for check in list_checks(of):
         if not check.is_warning:
             yield from check.find(content, directory)
