@@ -130,6 +130,14 @@ def _bracket(coordinate_m, origin_m, cell_m, n):
     return i, s - i
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _blend(f, w, i, j, k, i1, j1, k1, axis):
+    return (
+        w[0] * f[i, j, k, axis] + w[1] * f[i1, j, k, axis] + w[2] * f[i, j1, k, axis] + w[3] * f[i1, j1, k, axis]
+        + w[4] * f[i, j, k1, axis] + w[5] * f[i1, j, k1, axis] + w[6] * f[i, j1, k1, axis] + w[7] * f[i1, j1, k1, axis]
+    )  # fmt: skip
+
+
 @numba.njit(cache=True, nogil=True)
 def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     """Interpolate the wind at one point from the eight cell centres around it.
@@ -157,27 +165,13 @@ def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     i1 = min(i + 1, nx - 1)
     j1 = min(j + 1, ny - 1)
     k1 = min(k + 1, nz - 1)
-    w000 = (1.0 - a) * (1.0 - b) * (1.0 - c)
-    w100 = a * (1.0 - b) * (1.0 - c)
-    w010 = (1.0 - a) * b * (1.0 - c)
-    w110 = a * b * (1.0 - c)
-    w001 = (1.0 - a) * (1.0 - b) * c
-    w101 = a * (1.0 - b) * c
-    w011 = (1.0 - a) * b * c
-    w111 = a * b * c
-    f = velocity_m_s
-    u = (
-        w000 * f[i, j, k, 0] + w100 * f[i1, j, k, 0] + w010 * f[i, j1, k, 0] + w110 * f[i1, j1, k, 0]
-        + w001 * f[i, j, k1, 0] + w101 * f[i1, j, k1, 0] + w011 * f[i, j1, k1, 0] + w111 * f[i1, j1, k1, 0]
+    weights = (
+        (1.0 - a) * (1.0 - b) * (1.0 - c), a * (1.0 - b) * (1.0 - c), (1.0 - a) * b * (1.0 - c), a * b * (1.0 - c),
+        (1.0 - a) * (1.0 - b) * c, a * (1.0 - b) * c, (1.0 - a) * b * c, a * b * c,
     )  # fmt: skip
-    v = (
-        w000 * f[i, j, k, 1] + w100 * f[i1, j, k, 1] + w010 * f[i, j1, k, 1] + w110 * f[i1, j1, k, 1]
-        + w001 * f[i, j, k1, 1] + w101 * f[i1, j, k1, 1] + w011 * f[i, j1, k1, 1] + w111 * f[i1, j1, k1, 1]
-    )  # fmt: skip
-    w = (
-        w000 * f[i, j, k, 2] + w100 * f[i1, j, k, 2] + w010 * f[i, j1, k, 2] + w110 * f[i1, j1, k, 2]
-        + w001 * f[i, j, k1, 2] + w101 * f[i1, j, k1, 2] + w011 * f[i, j1, k1, 2] + w111 * f[i1, j1, k1, 2]
-    )  # fmt: skip
+    u = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 0)
+    v = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 1)
+    w = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 2)
     return u, v, w
 
 

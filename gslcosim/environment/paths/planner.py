@@ -329,17 +329,13 @@ class FreeSpace:
 
     def slab(self, low_m: float, high_m: float) -> "FreeSpace":
         """Return one layer of cells, free where all cells between two heights [m] are; its points have height 0."""
-        low, high = (self._layer(height_m) for height_m in (low_m, high_m))
+        low, high = (self.grid.index_at(2, height_m) for height_m in (low_m, high_m))
         blocked = self.blocked[:, :, low : high + 1].max(axis=2, keepdims=True)
         solid = self.solid[:, :, low : high + 1].max(axis=2, keepdims=True)
         x_m, y_m, _ = self.grid.origin_m
         nx, ny, _ = self.grid.shape
         grid = Grid(origin_m=(x_m, y_m, -self.grid.cell_m / 2), cell_m=self.grid.cell_m, shape=(nx, ny, 1))
         return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked, _BLOCKED))
-
-    def _layer(self, height_m: float) -> int:
-        layer = math.floor((height_m - self.grid.origin_m[2]) / self.grid.cell_m)
-        return min(max(layer, 0), self.grid.shape[2] - 1)
 
 
 def free_space(
