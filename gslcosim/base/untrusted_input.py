@@ -5,6 +5,7 @@ file, the place in it and what was expected there. Types are those of `typing`: 
 further keys are passed over, `list[float]`, `str | None`.
 """
 
+import contextlib
 import json
 import re
 import zipfile
@@ -56,28 +57,35 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
         remedy: What helps where it is something else.
         max_bytes: How large it may be.
     """
-    place = f"{path.parent.name}/{path.name}"
-    try:
-        data = read_regular_file(path, max_bytes=max_bytes)
-        return parse_json(data, kind, place=place)
-    except OSError as error:
-        raise _unreadable(path, error, remedy) from error
-    except MalformedFileError as error:
-        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
+    with _reporting_file(path, remedy):
+        return parse_json(read_regular_file(path, max_bytes=max_bytes), kind, place=_name_file(path))
 
 
 def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
     """Yield the lines of a file, each of which is JSON; what follows the last line feed is none."""
-    place = f"{path.parent.name}/{path.name}"
+    place = _name_file(path)
+    with _reporting_file(path, remedy), open_regular_file(path) as file:
+        for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
+            if len(line) > max_bytes:
+                raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
+            if line.endswith(b"\n"):
+                yield parse_json(line, kind, place=f"{place}:{number}")
+
+
+def _name_file(path: Path) -> str:
+    return f"{path.parent.name}/{path.name}"
+
+
+@contextlib.contextmanager
+def _reporting_file(path: Path, remedy: str) -> Iterator[None]:
     try:
-        with open_regular_file(path) as file:
-            for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
-                if len(line) > max_bytes:
-                    raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
-                if line.endswith(b"\n"):
-                    yield parse_json(line, kind, place=f"{place}:{number}")
+        yield
+    except FileNotFoundError as error:
+        folder = path.parent.name or path.resolve().parent.name
+        raise MalformedFileError(f"{folder}: expected a folder with {path.name}, found none.\nFile: {path}") from error
     except OSError as error:
-        raise _unreadable(path, error, remedy) from error
+        found = f"expected a file that can be read, was {describe_os_error(error)}."
+        raise MalformedFileError(f"{_name_file(path)}: {found} {remedy}\nFile: {path}") from error
     except MalformedFileError as error:
         raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
 
@@ -163,16 +171,6 @@ def _described(problem: "ErrorDetails") -> str:
     wanted = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     found = repr(problem["input"])
     return f"{place}: expected {wanted}, was {found if len(found) <= _MAX_SHOWN else f'{found[:_MAX_SHOWN]}...'}"
-
-
-def _unreadable(path: Path, error: OSError, remedy: str) -> MalformedFileError:
-    if isinstance(error, FileNotFoundError):
-        folder = path.parent.name or path.resolve().parent.name
-        return MalformedFileError(f"{folder}: expected a folder with {path.name}, found none.\nFile: {path}")
-    place = f"{path.parent.name}/{path.name}"
-    return MalformedFileError(
-        f"{place}: expected a file that can be read, was {describe_os_error(error)}. {remedy}\nFile: {path}"
-    )
 
 
 # Before anything is built: neither Python's reader nor what writes the values again has to go that deep.
