@@ -1,7 +1,7 @@
 # pyright: basic
 """Shortest collision-free paths through an environment: the truth by which the referee scores runs.
 
-Vehicles plan with `planner` instead, whose `shorten_path` shortens their paths, and that there are two is on purpose.
+Vehicles plan with `planner` instead, which shortens their paths, and that there are two is on purpose.
 What is judged must not judge itself: the ways here know nothing of a vehicle, its grid of inflated boxes or its
 corners. And they answer other questions: here how short a way can be, by bends anywhere between the cells, once per
 run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight. Only what a step may cross is
@@ -160,9 +160,7 @@ def shortest_path_m(
     See `shortest_path`, which also tells how exact it is.
     """
     points_m = shortest_path(environment, start_m, goal_m, clearance_m=clearance_m, within_m=within_m)
-    if points_m is None:
-        return None
-    return _length_m(*points_m)
+    return None if points_m is None else _length_m(*points_m)
 
 
 def shortest_path(
