@@ -49,14 +49,7 @@ class MalformedFileError(UsageError):
 
 
 def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> T:
-    """Return the content of a JSON file.
-
-    Args:
-        path: The file.
-        kind: Its type.
-        remedy: What helps where it is something else.
-        max_bytes: How large it may be.
-    """
+    """Return the content of a JSON file."""
     with _reporting_file(path, remedy):
         return parse_json(read_regular_file(path, max_bytes=max_bytes), kind, place=_name_file(path))
 
@@ -119,13 +112,7 @@ def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, N
 
 
 def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
-    """Return the value of a JSON text.
-
-    Args:
-        data: The text; bytes are UTF-8.
-        kind: Its type.
-        place: Where it comes from, for errors.
-    """
+    """Return the value of a JSON text."""
     raw = data if isinstance(data, bytes) else data.encode(errors="surrogatepass")
     _check_levels(raw, place)
     try:

@@ -138,13 +138,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | None = None) -> Parser:
-    """Return the parser of `gslcosim`.
-
-    Args:
-        groups: All commands that the help lists.
-        version: The version that `--version` prints.
-        only: The one command or family whose words can be parsed; by default all.
-    """
+    """Return the parser of `gslcosim`."""
     parser = Parser(
         prog="gslcosim",
         usage="gslcosim [-h] [--version] COMMAND ...",
@@ -198,11 +192,7 @@ def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespa
 
 
 def load_options(path: str) -> list[CommandOptions]:
-    """Return the options that installed extensions add to a command.
-
-    Args:
-        path: Words that call it, with dots between them.
-    """
+    """Return the options that installed extensions add to a command."""
 
     def accept(offered: object) -> CommandOptions | None:
         return offered if isinstance(offered, CommandOptions) else None
@@ -365,13 +355,6 @@ def _parser_of(parser: argparse.ArgumentParser, words: Sequence[str]) -> argpars
         if word in (below := command_parsers(parser)):
             parser = below[word]
     return parser
-
-
-def collect_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return what a command takes, with what the actions below it take."""
-    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    below = [item for action in nested for choice in action.choices.values() for item in collect_actions(choice)]
-    return [*parser._actions, *below]
 
 
 def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

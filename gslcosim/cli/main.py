@@ -94,11 +94,7 @@ def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code.
-
-    Args:
-        words: The command line without the program's name; by default that of this process.
-    """
+    """Run one command and return its exit code."""
     # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()

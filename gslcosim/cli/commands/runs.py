@@ -39,12 +39,7 @@ class RowReader:
 
 
 def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """Return the runs in some folders, with the rows of folders that extensions read.
-
-    Args:
-        folders: Folders of runs, runs, or folders that an extension reads, such as results.
-        tell: Receives how many have been read, now and then.
-    """
+    """Return the runs in some folders, with the rows of folders that extensions read."""
     facts: list[RunSummary] = []
     readers = tuple(load_registered(RUN_ROWS_GROUP, instance_of(RowReader), "a RowReader"))
     for folder in folders:
