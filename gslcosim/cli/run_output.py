@@ -28,6 +28,9 @@ _ENDINGS = {
     "timeout": "Nothing moved any more",
     "simulation_fault": "The simulation failed",
 }
+_AGENT_HEADINGS = (
+    "agent", "method", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox",
+)  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -108,17 +111,6 @@ def format_summary(flight: "RunResult") -> str:
 
 def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:
     """Return one row an agent with the figures that matter, and what its process was confined by."""
-    headings = (
-        "agent",
-        "method",
-        "outcome",
-        "time to source",
-        "commands",
-        "path",
-        "overhead",
-        "distance at the end",
-        "sandbox",
-    )
     rows = [
         (
             str(agent["name"]),
@@ -133,7 +125,7 @@ def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str])
         )
         for agent in agents
     ]
-    return table(headings, rows)
+    return table(_AGENT_HEADINGS, rows)
 
 
 def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:
