@@ -17,7 +17,6 @@ from gslcosim.scenario.model_schema import (
     SchemaNode,
     default_text,
     field_annotation,
-    field_meaning,
     find_default_kind,
     find_model,
     find_tag_key,
@@ -197,6 +196,12 @@ def _kinds_in(section: BlockSection) -> Mapping[str, type[BaseModel]]:
     return {str(word): block for word in words}
 
 
+# Its own words, or those of the block that it derives from.
+def _meaning_of(block: type[BaseModel], name: str) -> str:
+    bases = (base for base in block.__mro__ if issubclass(base, BaseModel) and name in base.model_fields)
+    return next((text for base in bases if (text := base.model_fields[name].description)), "")
+
+
 def _row(section: BlockSection, block: type[BaseModel], name: str, kind: str) -> KeyRow:
     field = block.model_fields[name]
     path = child_path(section.path, field.alias or name)
@@ -205,7 +210,7 @@ def _row(section: BlockSection, block: type[BaseModel], name: str, kind: str) ->
         is_said = len({*section.kinds.values()}) == 1
         allowed = allowed if is_said else f"one of {', '.join(section.kinds)}"
         default = section.default_kind or "required"
-    return KeyRow(path=path, allowed=allowed, unit=unit_text(name), default=default, meaning=field_meaning(block, name))
+    return KeyRow(path=path, allowed=allowed, unit=unit_text(name), default=default, meaning=_meaning_of(block, name))
 
 
 def _allowed(path: str, field: FieldInfo, kind: str) -> str:

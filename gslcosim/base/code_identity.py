@@ -1,13 +1,13 @@
 """Hashes of code: comments, docstrings and layout of the text do not count."""
 
 import ast
+import contextlib
 import hashlib
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.base.extensions import RESULT_CODE_GROUP, list_registered
+from gslcosim.base.files import replace_file
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 
 _CORE = ("gslcosim", "gslcosim_services")
@@ -77,7 +77,10 @@ def hash_code(paths: Sequence[Path]) -> str:
     except (OSError, ValueError):
         pass
     said = _hash_syntax(contents)
-    _store(kept, f"{said} {_check_answer(kept.name, said)}")
+    # A cache that cannot be written to costs time and nothing else.
+    with contextlib.suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(kept.parent, kept.name, f"{said} {_check_answer(kept.name, said)}".encode())
     return said
 
 
@@ -98,15 +101,3 @@ def _drop_docstrings(tree: ast.Module) -> ast.Module:
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
             node.body = node.body[1:]
     return tree
-
-
-# Whole or not at all; a cache that cannot be written to costs time and nothing else.
-def _store(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "w", encoding="ascii") as file:
-            file.write(text)
-        Path(name).replace(path)
-    except OSError:
-        return

@@ -147,12 +147,7 @@ def limit_from_environment() -> float:
 
 
 def parse_size_bytes(text: str, *, place: str) -> float:
-    """Return a size such as 500MB, 2.5GB or 1GiB [bytes].
-
-    Args:
-        text: What was said.
-        place: Where, for errors.
-    """
+    """Return a size such as 500MB, 2.5GB or 1GiB [bytes]."""
     found = _SIZE.fullmatch(text.strip())
     if found is None:
         raise UsageError(f"{place}: expected a size such as 500MB, 5GB or 1GiB, was {text!r}.")

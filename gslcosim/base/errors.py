@@ -242,12 +242,6 @@ def _get_refused_path(error: OSError) -> Path | str | None:
 def build_path_error(error: OSError, place: str, expected: str, *, path: Path | str) -> GslCosimError:
     """Return an error for a person about a place that the call itself has named.
 
-    Args:
-        error: What the machine said.
-        place: The option or argument.
-        expected: What it should have been.
-        path: The file or folder.
-
     Returns:
         UsageError where another place is all that is needed, MachineError where the machine lacks something.
     """
@@ -302,12 +296,7 @@ def cut_contract_frames(error: BaseException) -> None:
 
 
 def format_fault(error: BaseException, trace: str) -> str:
-    """Return the message of an error that ends a run.
-
-    Args:
-        error: The error.
-        trace: Its traceback, which is shown where the error is ours alone.
-    """
+    """Return the message of an error that ends a run."""
     if isinstance(error, GslCosimError):
         return str(error)
     refused = translate(error)

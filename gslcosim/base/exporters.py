@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
-from gslcosim.base.extensions import EXPORTERS_GROUP, load_registered
+from gslcosim.base.extensions import EXPORTERS_GROUP, load_registered, tuple_of
 
 Exported = Literal["run", "environment"]
 
@@ -34,18 +34,11 @@ class Exporter:
         return getattr(import_module(module), name)
 
 
-def as_exporters(offered: object) -> tuple[Exporter, ...] | None:
-    """Return what an extension registers as exporters, or None where it is something else."""
-    if isinstance(offered, tuple) and all(isinstance(each, Exporter) for each in offered):
-        return offered
-    return None
-
-
 def list_exporters(of: Exported) -> dict[str, Exporter]:
     """Return the exporters of runs or of environments that installed extensions register, by name.
 
     Raises:
         UsageError: an extension registers something else, or cannot be imported.
     """
-    offered = load_registered(EXPORTERS_GROUP, as_exporters, "a tuple of Exporter")
+    offered = load_registered(EXPORTERS_GROUP, tuple_of(Exporter), "a tuple of Exporter")
     return {each.name: each for some in offered for each in some if each.of == of}

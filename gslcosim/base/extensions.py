@@ -88,6 +88,18 @@ def load_registered(
         yield accepted
 
 
+def instance_of(kind: type[Offered]) -> Callable[[object], Offered | None]:
+    """Return what accepts an object of a class, for `load_registered`."""
+    return lambda offered: offered if isinstance(offered, kind) else None
+
+
+def tuple_of(kind: type[Offered]) -> Callable[[object], tuple[Offered, ...] | None]:
+    """Return what accepts a tuple of objects of a class, for `load_registered`."""
+    return lambda offered: (
+        offered if isinstance(offered, tuple) and all(isinstance(each, kind) for each in offered) else None
+    )
+
+
 def list_registered(group: str) -> list[Registration]:
     """Return the entry points of a group, sorted by name, importing nothing."""
     return [point for point in list_registrations() if point.group == group]

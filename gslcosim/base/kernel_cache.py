@@ -290,14 +290,7 @@ def sign(place: str, body: bytes) -> bytes | None:
 
 
 def is_signed(place: str, body: bytes, signature: bytes, path: Path) -> bool:
-    """Return whether data are signed with the key of the cache; of a cache that root has filled, whether they are its.
-
-    Args:
-        place: As for `sign`.
-        body: The data.
-        signature: What stands for their signature.
-        path: The file that holds it.
-    """
+    """Return whether data are signed with the key of the cache; of one that root has filled, whether they are its."""
     import hmac
 
     expected = sign(place, body)

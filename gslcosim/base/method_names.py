@@ -15,11 +15,6 @@ def name_method(*, python: str | None = None, command: Sequence[str] = (), metho
 
     A bundled agent has its own name and a program that of its file, without its ending. Files called `agent` or `main`
     are named after their folder. An interpreter with a script has the name of the script.
-
-    Args:
-        python: Name of a bundled agent, or a Python file.
-        command: Program with its arguments.
-        method: What the user calls it.
     """
     if method:
         return method

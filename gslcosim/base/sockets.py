@@ -85,10 +85,6 @@ def check_peer(connection: socket.socket, *, place: str) -> None:
     It is held by a descriptor meanwhile, so that its number cannot become that of another process; where Linux does not
     give that of a peer (before 6.5) it may have, between its call and this one. Elsewhere than on Linux, where there
     are no sandboxes, nobody is refused.
-
-    Args:
-        connection: The connected socket.
-        place: Which socket it is, for the error.
     """
     if sys.platform != "linux":
         return

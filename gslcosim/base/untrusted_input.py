@@ -5,6 +5,7 @@ file, the place in it and what was expected there. Types are those of `typing`: 
 further keys are passed over, `list[float]`, `str | None`.
 """
 
+import contextlib
 import json
 import re
 import zipfile
@@ -48,43 +49,36 @@ class MalformedFileError(UsageError):
 
 
 def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> T:
-    """Return the content of a JSON file.
-
-    Args:
-        path: The file.
-        kind: Its type.
-        remedy: What helps where it is something else.
-        max_bytes: How large it may be.
-    """
-    place = f"{path.parent.name}/{path.name}"
-    try:
-        data = read_regular_file(path, max_bytes=max_bytes)
-        return parse_json(data, kind, place=place)
-    except OSError as error:
-        raise _unreadable(path, error, remedy) from error
-    except MalformedFileError as error:
-        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
+    """Return the content of a JSON file."""
+    with _reporting_file(path, remedy):
+        return parse_json(read_regular_file(path, max_bytes=max_bytes), kind, place=_name_file(path))
 
 
 def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
-    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none.
+    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none."""
+    place = _name_file(path)
+    with _reporting_file(path, remedy), open_regular_file(path) as file:
+        for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
+            if len(line) > max_bytes:
+                raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
+            if line.endswith(b"\n"):
+                yield parse_json(line, kind, place=f"{place}:{number}")
 
-    Args:
-        path: The file.
-        kind: The type of each line.
-        remedy: What helps where a line is something else.
-        max_bytes: How large a line may be.
-    """
-    place = f"{path.parent.name}/{path.name}"
+
+def _name_file(path: Path) -> str:
+    return f"{path.parent.name}/{path.name}"
+
+
+@contextlib.contextmanager
+def _reporting_file(path: Path, remedy: str) -> Iterator[None]:
     try:
-        with open_regular_file(path) as file:
-            for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
-                if len(line) > max_bytes:
-                    raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
-                if line.endswith(b"\n"):
-                    yield parse_json(line, kind, place=f"{place}:{number}")
+        yield
+    except FileNotFoundError as error:
+        folder = path.parent.name or path.resolve().parent.name
+        raise MalformedFileError(f"{folder}: expected a folder with {path.name}, found none.\nFile: {path}") from error
     except OSError as error:
-        raise _unreadable(path, error, remedy) from error
+        found = f"expected a file that can be read, was {describe_os_error(error)}."
+        raise MalformedFileError(f"{_name_file(path)}: {found} {remedy}\nFile: {path}") from error
     except MalformedFileError as error:
         raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
 
@@ -118,13 +112,7 @@ def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, N
 
 
 def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
-    """Return the value of a JSON text.
-
-    Args:
-        data: The text; bytes are UTF-8.
-        kind: Its type.
-        place: Where it comes from, for errors.
-    """
+    """Return the value of a JSON text."""
     raw = data if isinstance(data, bytes) else data.encode(errors="surrogatepass")
     _check_levels(raw, place)
     try:
@@ -140,13 +128,7 @@ def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
 
 
 def validate_value(value: object, kind: type[T], *, place: str) -> T:
-    """Return plain values that JSON can carry as they are, where they are of a type.
-
-    Args:
-        value: Dicts, lists and scalars.
-        kind: The type.
-        place: Where they come from, for errors.
-    """
+    """Return plain values that JSON can carry as they are, where they are of a type."""
     # Commands that list runs do without it, and begin sooner.
     if kind == JsonObject:
         if isinstance(value, dict):
@@ -176,16 +158,6 @@ def _described(problem: "ErrorDetails") -> str:
     wanted = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     found = repr(problem["input"])
     return f"{place}: expected {wanted}, was {found if len(found) <= _MAX_SHOWN else f'{found[:_MAX_SHOWN]}...'}"
-
-
-def _unreadable(path: Path, error: OSError, remedy: str) -> MalformedFileError:
-    if isinstance(error, FileNotFoundError):
-        folder = path.parent.name or path.resolve().parent.name
-        return MalformedFileError(f"{folder}: expected a folder with {path.name}, found none.\nFile: {path}")
-    place = f"{path.parent.name}/{path.name}"
-    return MalformedFileError(
-        f"{place}: expected a file that can be read, was {describe_os_error(error)}. {remedy}\nFile: {path}"
-    )
 
 
 # Before anything is built: neither Python's reader nor what writes the values again has to go that deep.

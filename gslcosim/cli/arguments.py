@@ -91,18 +91,6 @@ class CommandOptions:
     completes: Mapping[str, Sequence[FindWords]] = field(default_factory=dict[str, Sequence[FindWords]])
 
 
-def as_command_options(offered: object) -> CommandOptions | None:
-    """Return what an extension registers as options of a command, or None where it is something else."""
-    return offered if isinstance(offered, CommandOptions) else None
-
-
-def as_command_groups(offered: object) -> tuple[CommandGroup, ...] | None:
-    """Return what an extension registers as commands, or None where it is something else."""
-    if isinstance(offered, tuple) and all(isinstance(each, CommandGroup) for each in offered):
-        return offered
-    return None
-
-
 def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
     """Return groups of which no two have one title, and families of which no two have one name.
 
@@ -149,13 +137,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | None = None) -> Parser:
-    """Return the parser of `gslcosim`.
-
-    Args:
-        groups: All commands that the help lists.
-        version: The version that `--version` prints.
-        only: The one command or family whose words can be parsed; by default all.
-    """
+    """Return the parser of `gslcosim`."""
     parser = Parser(
         prog="gslcosim",
         usage="gslcosim [-h] [--version] COMMAND ...",
@@ -209,12 +191,12 @@ def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespa
 
 
 def load_options(path: str) -> list[CommandOptions]:
-    """Return the options that installed extensions add to a command.
+    """Return the options that installed extensions add to a command."""
 
-    Args:
-        path: Words that call it, with dots between them.
-    """
-    return list(load_registered(OPTIONS_GROUP, as_command_options, "a CommandOptions", name=path))
+    def accept(offered: object) -> CommandOptions | None:
+        return offered if isinstance(offered, CommandOptions) else None
+
+    return list(load_registered(OPTIONS_GROUP, accept, "a CommandOptions", name=path))
 
 
 def _listing(groups: Sequence[CommandGroup]) -> str:
@@ -308,12 +290,7 @@ def parse_whole_number(text: str) -> int:
 
 
 def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    """Return what reads a finite number from the command line.
-
-    Args:
-        expected: What an error says should be there.
-        is_allowed: Whether a finite number is.
-    """
+    """Return what reads a finite number from the command line."""
 
     def parse_number(text: str) -> float:
         try:
@@ -355,13 +332,6 @@ def _parser_of(parser: argparse.ArgumentParser, words: Sequence[str]) -> argpars
         if word in (below := command_parsers(parser)):
             parser = below[word]
     return parser
-
-
-def collect_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return what a command takes, with what the actions below it take."""
-    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    below = [item for action in nested for choice in action.choices.values() for item in collect_actions(choice)]
-    return [*parser._actions, *below]
 
 
 def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

@@ -21,6 +21,7 @@ from packaging.specifiers import SpecifierSet
 from packaging.version import Version
 
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
+from gslcosim.base.extensions import list_registrations
 from gslcosim.base.processes import build_python_command
 
 if TYPE_CHECKING:
@@ -87,6 +88,15 @@ def check_packages(requirements: list[str] | None = None) -> Iterator[CheckResul
             continue
         fits = version_fits(version, bounds)
         yield _graded(name, "OK" if fits else "WARN", version if fits else f"{version}, needs {bounds}", remedy)
+
+
+def check_extensions() -> Iterator[CheckResult]:
+    """Check that each installed extension has the packages that it requires."""
+    for name in sorted({point.distribution for point in list_registrations()} - {"gslcosim"}):
+        required = check_packages(importlib.metadata.requires(name) or [])
+        unmet = [finding for finding in required if finding.level != "OK"]
+        text = "; ".join(f"{finding.name}: {finding.text}" for finding in unmet) or importlib.metadata.version(name)
+        yield _graded(name, "WARN" if unmet else "OK", text, ". ".join(finding.remedy for finding in unmet))
 
 
 def check_imports() -> Iterator[CheckResult]:
@@ -182,6 +192,7 @@ def check_sandbox() -> Iterator[CheckResult]:
 CHECKS: dict[str, Callable[[], Iterator[CheckResult]]] = {
     "Python": check_python,
     "packages": check_packages,
+    "extensions": check_extensions,
     "compiled packages": check_imports,
     "CPU cores": check_cores,
     "free memory": check_memory,

@@ -18,14 +18,13 @@ from gslcosim.base.errors import (
     check_working_directory,
     translate,
 )
-from gslcosim.base.extensions import COMMANDS_GROUP, load_registered
+from gslcosim.base.extensions import COMMANDS_GROUP, load_registered, tuple_of
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
 from gslcosim.cli.arguments import (
     Command,
     CommandFamily,
     CommandGroup,
-    as_command_groups,
     build_parser,
     find_command_name,
     merge_groups,
@@ -84,7 +83,7 @@ CORE_GROUPS = (
 
 def list_groups() -> tuple[CommandGroup, ...]:
     """Return the commands of the core with those that installed extensions register, by the groups of the help."""
-    registered = load_registered(COMMANDS_GROUP, as_command_groups, "a tuple of CommandGroup")
+    registered = load_registered(COMMANDS_GROUP, tuple_of(CommandGroup), "a tuple of CommandGroup")
     return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
 
 
@@ -95,11 +94,7 @@ def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code.
-
-    Args:
-        words: The command line without the program's name; by default that of this process.
-    """
+    """Run one command and return its exit code."""
     # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()

@@ -41,12 +41,7 @@ class RemainingTime:
         return f"{100 * (fraction or 0.0):.0f} %, {left}" if left else ""
 
     def estimate(self, piece: str, fraction: float | None) -> str:
-        """Return the time left, such as `about 3 min left`; empty where nobody knows.
-
-        Args:
-            piece: Name of the work; a new name starts a new estimate.
-            fraction: Share of it that is done, 0 to 1.
-        """
+        """Return the time left, such as `about 3 min left`; empty where nobody knows."""
         now_s, share = self._clock(), fraction or 0.0
         if piece != self._piece or share < self._began_share:
             self._piece, self._began_s, self._began_share = piece, now_s, share

@@ -28,16 +28,14 @@ _ENDINGS = {
     "timeout": "Nothing moved any more",
     "simulation_fault": "The simulation failed",
 }
+_AGENT_HEADINGS = (
+    "agent", "method", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox",
+)  # fmt: skip
 
 
 @contextlib.contextmanager
 def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
-    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing.
-
-    Args:
-        title: What flies, at the beginning of the live line.
-        is_quiet: Whether to show nothing.
-    """
+    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing."""
     if is_quiet:
         yield lambda _: None
     elif sys.stderr.isatty():
@@ -113,17 +111,6 @@ def format_summary(flight: "RunResult") -> str:
 
 def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:
     """Return one row an agent with the figures that matter, and what its process was confined by."""
-    headings = (
-        "agent",
-        "method",
-        "outcome",
-        "time to source",
-        "commands",
-        "path",
-        "overhead",
-        "distance at the end",
-        "sandbox",
-    )
     rows = [
         (
             str(agent["name"]),
@@ -138,7 +125,7 @@ def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str])
         )
         for agent in agents
     ]
-    return table(headings, rows)
+    return table(_AGENT_HEADINGS, rows)
 
 
 def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:

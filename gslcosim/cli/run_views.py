@@ -57,14 +57,11 @@ def _parting(pasts: Sequence[PastRun]) -> Divergence | None:
     folders = [past.run_dir.path for past in pasts]
     if not all((folder / DIGEST).is_file() for folder in folders):
         return None
-    compared = [RunComparison.of(folders[0] / DIGEST, other / DIGEST) for other in folders[1:]]
-    partings = [one for one in compared if one.divergence is not None]
+    compared = (RunComparison.of(folders[0] / DIGEST, other / DIGEST) for other in folders[1:])
+    partings = [(one.divergence, one.kinship) for one in compared if one.divergence is not None]
     if not partings:
         return None
-    earliest = min(partings, key=lambda one: one.divergence.tick if one.divergence else 0)
-    divergence, kinship = earliest.divergence, earliest.kinship
-    if divergence is None:
-        return None
+    divergence, kinship = min(partings, key=lambda parting: parting[0].tick)
     tick_ns = pasts[0].scenario.tick_ns
     fork = "" if kinship is None else f" (forked at {seconds_from_ticks(kinship.tick, tick_ns):g} s)"
     time_s = seconds_from_ticks(divergence.tick, tick_ns)

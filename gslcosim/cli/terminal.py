@@ -8,10 +8,10 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from gslcosim.base.errors import MachineError, build_machine_error
+from gslcosim.base.errors import build_machine_error
 from gslcosim.base.untrusted_input import escape_json_text, escape_terminal_text
 
 if TYPE_CHECKING:
@@ -26,22 +26,14 @@ def write(text: str = "") -> None:
 
 
 def _write_result(text: str) -> None:
-    try:
+    with _reporting_refusals():
         sys.stdout.write(text)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise _no_output(error) from error
 
 
 def finish_output() -> None:
     """Write what waits in stdout's buffer."""
-    try:
+    with _reporting_refusals():
         sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise _no_output(error) from error
 
 
 def give_up_output() -> None:
@@ -71,9 +63,16 @@ def open_missing_streams() -> None:
         sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", closefd=False)
 
 
-def _no_output(error: OSError) -> MachineError:
-    remedy = "Send it to a file on a disk with room, or to a terminal."
-    return build_machine_error(error, "standard output", "to take the result", remedy=remedy)
+# A reader that is gone wants nothing more.
+@contextlib.contextmanager
+def _reporting_refusals() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        remedy = "Send it to a file on a disk with room, or to a terminal."
+        raise build_machine_error(error, "standard output", "to take the result", remedy=remedy) from error
 
 
 def write_json(content: Any) -> None:
@@ -118,14 +117,12 @@ class _GuardedStream:
 
     def _guard(self, call: Callable[[], object]) -> None:
         try:
-            call()
-        except OSError as error:
-            if not self._is_result:
-                _give_up(self._stream)
-            elif isinstance(error, BrokenPipeError):
+            with _reporting_refusals() if self._is_result else contextlib.nullcontext():
+                call()
+        except OSError:
+            if self._is_result:
                 raise
-            else:
-                raise _no_output(error) from error
+            _give_up(self._stream)
 
 
 def open_console(stream: TextIO) -> "Console":

@@ -9,6 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.problems import Problem
 from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, point_text
 from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
@@ -129,6 +130,14 @@ def _bracket(coordinate_m, origin_m, cell_m, n):
     return i, s - i
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _blend(f, w, i, j, k, i1, j1, k1, axis):
+    return (
+        w[0] * f[i, j, k, axis] + w[1] * f[i1, j, k, axis] + w[2] * f[i, j1, k, axis] + w[3] * f[i1, j1, k, axis]
+        + w[4] * f[i, j, k1, axis] + w[5] * f[i1, j, k1, axis] + w[6] * f[i, j1, k1, axis] + w[7] * f[i1, j1, k1, axis]
+    )  # fmt: skip
+
+
 @numba.njit(cache=True, nogil=True)
 def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     """Interpolate the wind at one point from the eight cell centres around it.
@@ -156,27 +165,13 @@ def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     i1 = min(i + 1, nx - 1)
     j1 = min(j + 1, ny - 1)
     k1 = min(k + 1, nz - 1)
-    w000 = (1.0 - a) * (1.0 - b) * (1.0 - c)
-    w100 = a * (1.0 - b) * (1.0 - c)
-    w010 = (1.0 - a) * b * (1.0 - c)
-    w110 = a * b * (1.0 - c)
-    w001 = (1.0 - a) * (1.0 - b) * c
-    w101 = a * (1.0 - b) * c
-    w011 = (1.0 - a) * b * c
-    w111 = a * b * c
-    f = velocity_m_s
-    u = (
-        w000 * f[i, j, k, 0] + w100 * f[i1, j, k, 0] + w010 * f[i, j1, k, 0] + w110 * f[i1, j1, k, 0]
-        + w001 * f[i, j, k1, 0] + w101 * f[i1, j, k1, 0] + w011 * f[i, j1, k1, 0] + w111 * f[i1, j1, k1, 0]
+    weights = (
+        (1.0 - a) * (1.0 - b) * (1.0 - c), a * (1.0 - b) * (1.0 - c), (1.0 - a) * b * (1.0 - c), a * b * (1.0 - c),
+        (1.0 - a) * (1.0 - b) * c, a * (1.0 - b) * c, (1.0 - a) * b * c, a * b * c,
     )  # fmt: skip
-    v = (
-        w000 * f[i, j, k, 1] + w100 * f[i1, j, k, 1] + w010 * f[i, j1, k, 1] + w110 * f[i1, j1, k, 1]
-        + w001 * f[i, j, k1, 1] + w101 * f[i1, j, k1, 1] + w011 * f[i, j1, k1, 1] + w111 * f[i1, j1, k1, 1]
-    )  # fmt: skip
-    w = (
-        w000 * f[i, j, k, 2] + w100 * f[i1, j, k, 2] + w010 * f[i, j1, k, 2] + w110 * f[i1, j1, k, 2]
-        + w001 * f[i, j, k1, 2] + w101 * f[i1, j, k1, 2] + w011 * f[i, j1, k1, 2] + w111 * f[i1, j1, k1, 2]
-    )  # fmt: skip
+    u = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 0)
+    v = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 1)
+    w = _blend(velocity_m_s, weights, i, j, k, i1, j1, k1, 2)
     return u, v, w
 
 
@@ -204,44 +199,19 @@ def trilinear_wind_at_points(velocity_m_s, origin_m, cell_m, points_world_m):
     return wind
 
 
-@numba.njit(cache=True, nogil=True)
-def reachable_cells(is_open, seed_cells):
+def reachable_cells(is_open: NDArray[np.bool_], seed_cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return the open cells that are connected to seed cells through faces.
 
     Args:
         is_open: (nx, ny, nz) bool, cells that can be entered; index order ij.
-        seed_cells: (n, 3) int64 cell indices inside the grid; seeds that are not open are passed over.
+        seed_cells: (n, 3) cell indices inside the grid; seeds that are not open are passed over.
 
     Returns:
         (nx, ny, nz) bool, True where a seed's air reaches.
-
-    Held by:
-        tests/unit/environment/test_occupancy.py
     """
-    nx, ny, nz = is_open.shape
-    is_reached = np.zeros((nx, ny, nz), dtype=np.bool_)
-    stack = np.empty((is_open.size, 3), dtype=np.int32)
-    n_waiting = 0
-    for s in range(seed_cells.shape[0]):
-        i, j, k = seed_cells[s, 0], seed_cells[s, 1], seed_cells[s, 2]
-        if is_open[i, j, k] and not is_reached[i, j, k]:
-            is_reached[i, j, k] = True
-            stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2] = i, j, k
-            n_waiting += 1
-    while n_waiting > 0:
-        n_waiting -= 1
-        i, j, k = stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2]
-        for side in range(6):
-            a = i + (1 if side == 0 else (-1 if side == 1 else 0))
-            b = j + (1 if side == 2 else (-1 if side == 3 else 0))
-            c = k + (1 if side == 4 else (-1 if side == 5 else 0))
-            if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz:
-                continue
-            if is_open[a, b, c] and not is_reached[a, b, c]:
-                is_reached[a, b, c] = True
-                stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2] = a, b, c
-                n_waiting += 1
-    return is_reached
+    parts = label_parts(is_open, False)  # noqa: FBT003 - compiled functions take positional arguments only
+    reached = np.unique(parts[tuple(seed_cells.T)])
+    return np.isin(parts, reached[reached > 0])
 
 
 def build_occupancy(boxes: Sequence[Box], openings: Sequence[Opening], grid: Grid) -> NDArray[np.uint8]:

@@ -13,13 +13,7 @@ from gslcosim.scenario.serialization import plain_values
 
 
 def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
-    """Yield what a fork would change of the events that its past depends on.
-
-    Args:
-        before: The run's scenario.
-        after: The fork's.
-        at_tick: Where the fork begins.
-    """
+    """Yield what a fork would change of the events that its past depends on."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     past = [event for event in before.events if _could_be_past(event, before, at_tick)]
     for i, event in enumerate(after.events):
@@ -72,13 +66,7 @@ _REASONS = (
 
 
 def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
-    """Hold a fork's scenario against that of the run it forks.
-
-    Args:
-        before: The run's scenario.
-        after: The fork's.
-        at_tick: Where the fork begins.
-    """
+    """Hold a fork's scenario against that of the run it forks."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     blocks = [*_CHANGEABLE_BLOCKS, *(key.name for key in list_live_keys())]
     pattern = re.compile(rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|({'|'.join(blocks)})\b.*|pace|name")

@@ -31,10 +31,6 @@ def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]
     """Return a scenario that has the places of a faulty one and nothing else of it.
 
     Returns nothing when a problem concerns what says where things are: no place is ever guessed.
-
-    Args:
-        values: The faulty scenario as plain values.
-        problem_paths: Where its problems are.
     """
     agents = values.get("agents")
     if not isinstance(agents, list) or any(_concerns_places(path) for path in problem_paths):
@@ -263,10 +259,6 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
 
 def read_resolved(text: str, *, source: str) -> Scenario:
     """Return the scenario in a text as `dump_resolved` writes it, on whatever host; no file that it names is looked at.
-
-    Args:
-        text: The YAML.
-        source: Where its problems are said to stand.
 
     Raises:
         ScenarioError: it is no scenario.

@@ -14,13 +14,7 @@ TIME_LIMIT_S = 60.0
 
 
 def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -> Scenario:
-    """Return a scenario in a small room in which a bundled agent has all that its card says it needs.
-
-    Args:
-        name: The agent's.
-        card: Its card.
-        directory: Where the scenario's relative paths start.
-    """
+    """Return a scenario in a small room in which a bundled agent has all that its card says it needs."""
     values = plain_values(load_scenario(METHOD_SCENARIO).scenario)
     needs = card.needs if card is not None else None
     first = values["agents"][0]

@@ -40,7 +40,7 @@ class SchemaNode:
     @property
     def model(self) -> type[BaseModel] | None:
         """The model of the block that belongs here, if it is a block."""
-        return _model_in(self.annotation)
+        return find_model(self.annotation)
 
     def describe(self) -> str:
         """Return what is allowed here in words: `a number greater than 0 in metres`."""
@@ -118,18 +118,8 @@ def item_annotation(annotation: Any) -> Any:
 
 def find_model(annotation: Any) -> type[BaseModel] | None:
     """Return the model of the block that belongs here, if it is one block of one kind."""
-    return _model_in(annotation)
-
-
-def kinds_with_key(annotation: Any, key: str) -> list[str]:
-    """Return which of the installed kinds of a block that belongs here have a certain key."""
-    return [kind for kind, model in _iterate_variants(annotation) if key in list_keys(model)]
-
-
-def holds_blocks(annotation: Any) -> bool:
-    """Return whether a list of blocks belongs here."""
-    item = _item_annotation(annotation)
-    return _model_in(item) is not None or bool(_variants(item))
+    kind, _ = _split(annotation)
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
 def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
@@ -138,7 +128,7 @@ def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[B
         inner_path = child_path(path, field.alias or name)
         whole = _annotation_of(field)
         for annotation, place in ((whole, inner_path), (_item_annotation(whole), f"{inner_path}[]")):
-            inner = _model_in(annotation)
+            inner = find_model(annotation)
             for each in (
                 [inner] if inner else dict.fromkeys(model for _, model in _iterate_variants(_split(annotation)[0]))
             ):
@@ -184,27 +174,15 @@ def _split(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
             continue
         kinds = _kinds_of_union(annotation)
         if len(kinds) != 1:
-            return annotation, tuple(_flat(constraints))
+            each_alone = (each.metadata if isinstance(each, FieldInfo) else (each,) for each in constraints)
+            return annotation, tuple(constraint for some in each_alone for constraint in some)
         annotation = kinds[0]
-
-
-def _flat(constraints: tuple[Any, ...]) -> Iterator[Any]:
-    for constraint in constraints:
-        if isinstance(constraint, FieldInfo):
-            yield from constraint.metadata
-        else:
-            yield constraint
 
 
 def _kinds_of_union(annotation: Any) -> list[Any]:
     if typing.get_origin(annotation) not in (typing.Union, types.UnionType):
         return []
     return [kind for kind in typing.get_args(annotation) if kind is not types.NoneType]
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    kind, _ = _split(annotation)
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
 # What says that a block is one of several kinds, where other packages may add some.
@@ -248,7 +226,7 @@ def _value_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     key, value = typing.get_args(kind) if typing.get_origin(kind) is dict else (None, None)
     # Where names have a form of their own, what is wrong with one is told of the block that has it.
-    is_named = key is str or (key is not None and _split(key)[0] is str and _model_in(value) is not None)
+    is_named = key is str or (key is not None and _split(key)[0] is str and find_model(value) is not None)
     return value if is_named and value is not Any else None
 
 
@@ -270,7 +248,7 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
             return f"a block with names as keys, of which each is {_describe(value, (), '')}"
         name = typing.get_args(key)[0]
         return f"{{{name}: a text}}" if value is str else f"{{{name}: N}} with N {_describe(value, (), '')}"
-    if model := _model_in(kind):
+    if model := find_model(kind):
         return f"a block with the keys {_join(list_keys(model), 'and')}"
     words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Any: "a value"}
     texts = [constraint for constraint in constraints if isinstance(constraint, StringConstraints)]
@@ -293,7 +271,7 @@ def _describe_list(items: tuple[Any, ...], constraints: tuple[Any, ...], unit: s
 
 
 def _describe_item(item: Any, unit: str) -> str:
-    if model := _model_in(item):
+    if model := find_model(item):
         return f"block with the keys {_join(list_keys(model), 'and')}"
     if _one_of(item) or _variants(item):
         return f"block with the key {find_tag_key(item)} and what belongs to it"
@@ -393,12 +371,6 @@ def default_text(field: FieldInfo) -> str:
     return "required" if field.default is PydanticUndefined else _shown(field.default)
 
 
-def field_meaning(block: type[BaseModel], name: str) -> str:
-    """Return what a field of a block means: its own words, or those of the block that it derives from."""
-    bases = (base for base in block.__mro__ if issubclass(base, BaseModel) and name in base.model_fields)
-    return next((text for base in bases if (text := base.model_fields[name].description)), "")
-
-
 def _shown(value: Any) -> str:
     match value:
         case None:
@@ -429,12 +401,7 @@ _MAX_SHOWN = 60
 
 
 def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
-    """Return each problem of a validation once, at the deepest place that the models know.
-
-    Args:
-        error: What pydantic says.
-        root: The model that was validated.
-    """
+    """Return each problem of a validation once, at the deepest place that the models know."""
     problems: dict[str, Problem] = {}
     if (n_more := error.error_count() - _MAX_PROBLEMS) > 0:
         found = f"{n_more} more than those that are told"
@@ -520,7 +487,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
 def _kinds_that_have(location: tuple[Segment, ...], key: str, root: type[BaseModel]) -> str:
     for end in range(len(location), 0, -1):
         annotation = find_schema_node(location[:end], root=root).annotation
-        if kinds := kinds_with_key(annotation, key):
+        if kinds := [kind for kind, model in _iterate_variants(annotation) if key in list_keys(model)]:
             return f"{key} belongs to {find_tag_key(annotation)}: {', '.join(kinds)}."
     return ""
 
@@ -556,7 +523,8 @@ def _value_remedy(slot: SchemaNode, value: Any) -> str:
         return "Write true or false." if isinstance(value, str | int) else ""
     if kind is str:
         return _name_remedy(value) if slot.constraints else _text_remedy(value)
-    if holds_blocks(kind) and not isinstance(value, list):
+    item = _item_annotation(kind)
+    if (find_model(item) or _variants(item)) and not isinstance(value, list):
         return "Begin each block with a dash."
     if typing.get_origin(kind) is tuple and not isinstance(value, list | tuple):
         return "Put it in brackets: [ … ]."

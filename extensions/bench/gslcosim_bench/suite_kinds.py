@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gslcosim.base.extensions import load_registered
+from gslcosim.base.extensions import instance_of, load_registered
 
 SUITE_KINDS_GROUP = "gslcosim.suite_kinds"
 
@@ -29,11 +29,6 @@ class SuiteKind:
     run: Callable[[argparse.Namespace], int]
 
 
-def as_suite_kind(offered: object) -> SuiteKind | None:
-    """Return what an extension registers as a suite, or None where it is something else."""
-    return offered if isinstance(offered, SuiteKind) else None
-
-
 def list_suite_kinds() -> dict[str, SuiteKind]:
     """Return the suites that installed extensions register, by name."""
-    return {kind.name: kind for kind in load_registered(SUITE_KINDS_GROUP, as_suite_kind, "a SuiteKind")}
+    return {kind.name: kind for kind in load_registered(SUITE_KINDS_GROUP, instance_of(SuiteKind), "a SuiteKind")}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import find_remedy, load_registered
+from gslcosim.base.extensions import find_remedy, instance_of, load_registered
 from gslcosim_data.log_values import RobotLog
 
 LOG_READERS_GROUP = "gslcosim.log_readers"
@@ -26,18 +26,13 @@ class LogReader:
     read: Callable[..., RobotLog]
 
 
-def as_log_reader(offered: object) -> LogReader | None:
-    """Return what an extension registers as a reader of logs, or None where it is something else."""
-    return offered if isinstance(offered, LogReader) else None
-
-
 def find_log_reader(log: Path) -> LogReader | None:
     """Return the reader of a log with topics; None where the log is a table.
 
     Raises:
         UsageError: a reader refuses the file, or its reader is not installed.
     """
-    readers = load_registered(LOG_READERS_GROUP, as_log_reader, "a LogReader")
+    readers = load_registered(LOG_READERS_GROUP, instance_of(LogReader), "a LogReader")
     if found := next((reader for reader in readers if reader.is_own(log)), None):
         return found
     format_name = "rosbag2" if log.is_dir() else log.suffix.removeprefix(".")

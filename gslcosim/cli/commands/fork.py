@@ -151,12 +151,7 @@ def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
 
 
 def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
-    """Return what adds events to those of a run.
-
-    Args:
-        scenario: The run's scenario.
-        events: Blocks like `{what: source_stops, at_s: 40}`.
-    """
+    """Return what adds events to those of a run."""
     from gslcosim.scenario.serialization import plain_values
 
     known = [json.dumps(event) for event in plain_values(scenario).get("events", [])]

@@ -4,6 +4,8 @@ import argparse
 import ast
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,22 +27,24 @@ Row = dict[str, Any]
 _HIDDEN = ("file", "settings")
 
 
-def _scenarios() -> list[Row]:
-    from gslcosim.base.bundled import bundled_scenarios
+def _bundled(kind: str, describe: Callable[[Path], str]) -> list[Row]:
+    from gslcosim.base import bundled
 
-    return [
-        {"name": name, "description": _first_comment(path), "file": str(path)}
-        for name, path in bundled_scenarios().items()
-    ]
+    files: dict[str, Path] = getattr(bundled, f"bundled_{kind}")()
+    return [{"name": name, "description": describe(path), "file": str(path)} for name, path in files.items()]
 
 
-def _agents() -> list[Row]:
-    from gslcosim.base.bundled import bundled_agents
+def _first_comment(path: Path) -> str:
+    from gslcosim.base.yaml_core import without_editor_header
 
-    return [
-        {"name": name, "description": _first_docstring_line(path), "file": str(path)}
-        for name, path in bundled_agents().items()
-    ]
+    first = without_editor_header(path.read_bytes()).decode().lstrip().partition("\n")[0]
+    return first.lstrip("# ").strip() if first.startswith("#") else ""
+
+
+# Read, not imported: an agent's program may do anything when it is imported.
+def _first_docstring_line(path: Path) -> str:
+    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return docstring.partition("\n")[0]
 
 
 def _sensors() -> list[Row]:
@@ -58,20 +62,9 @@ def _sensors() -> list[Row]:
     ]
 
 
-def _gas_models() -> list[Row]:
-    from gslcosim.scenario.models.gas import GAS_KINDS
-
-    return _kinds_of(GAS_KINDS)
-
-
-def _wind_solvers() -> list[Row]:
-    from gslcosim.scenario.models.wind import WIND_KINDS
-
-    return _kinds_of(WIND_KINDS)
-
-
 # Packages are imported to be listed; one that cannot be is reported in its row, and hides no other.
-def _kinds_of(one_of: "OneOf") -> list[Row]:
+def _kinds_at(module: str, name: str) -> list[Row]:
+    one_of: OneOf = getattr(import_module(f"gslcosim.scenario.models.{module}"), name)
     rows: list[Row] = []
     offered = one_of.offers.names() if one_of.offers else ()
     for name in (*one_of.own, *(name for name in offered if name not in one_of.own)):
@@ -121,11 +114,11 @@ def _layouts() -> list[Row]:
 
 
 KINDS: dict[str, Callable[[], list[Row]]] = {
-    "scenarios": _scenarios,
-    "agents": _agents,
+    "scenarios": partial(_bundled, "scenarios", _first_comment),
+    "agents": partial(_bundled, "agents", _first_docstring_line),
     "sensors": _sensors,
-    "gas_models": _gas_models,
-    "wind_solvers": _wind_solvers,
+    "gas_models": partial(_kinds_at, "gas", "GAS_KINDS"),
+    "wind_solvers": partial(_kinds_at, "wind", "WIND_KINDS"),
     "vehicles": _vehicles,
     "gases": _gases,
     "layouts": _layouts,
@@ -162,19 +155,6 @@ def _write_settings(rows: list[Row]) -> None:
         if settings:
             write(f"\n{row['name'].upper()}")
             write(table(["setting", "unit", "default", "meaning"], settings))
-
-
-def _first_comment(path: Path) -> str:
-    from gslcosim.base.yaml_core import without_editor_header
-
-    first = without_editor_header(path.read_bytes()).decode().lstrip().partition("\n")[0]
-    return first.lstrip("# ").strip() if first.startswith("#") else ""
-
-
-# Read, not imported: an agent's program may do anything when it is imported.
-def _first_docstring_line(path: Path) -> str:
-    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return docstring.partition("\n")[0]
 
 
 COMMAND = Command(

@@ -9,7 +9,7 @@ from typing import Any
 
 from gslcosim.base.checksums import CHECKSUMS_FILE, write_checksums
 from gslcosim.base.errors import MachineError, UsageError, describe_os_error
-from gslcosim.base.extensions import RUN_ROWS_GROUP, load_registered
+from gslcosim.base.extensions import RUN_ROWS_GROUP, instance_of, load_registered
 from gslcosim.base.files import remove_tree
 from gslcosim.cli.arguments import RECORDING, RUNS_DIR, Command, parse_positive_number
 from gslcosim.cli.completion_words import find_named
@@ -38,20 +38,10 @@ class RowReader:
     read: Callable[[Path], Sequence[RunSummary]]
 
 
-def as_row_reader(offered: object) -> RowReader | None:
-    """Return what an extension registers as a reader of rows, or None where it is something else."""
-    return offered if isinstance(offered, RowReader) else None
-
-
 def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """Return the runs in some folders, with the rows of folders that extensions read.
-
-    Args:
-        folders: Folders of runs, runs, or folders that an extension reads, such as results.
-        tell: Receives how many have been read, now and then.
-    """
+    """Return the runs in some folders, with the rows of folders that extensions read."""
     facts: list[RunSummary] = []
-    readers = tuple(load_registered(RUN_ROWS_GROUP, as_row_reader, "a RowReader"))
+    readers = tuple(load_registered(RUN_ROWS_GROUP, instance_of(RowReader), "a RowReader"))
     for folder in folders:
         if not folder.is_dir():
             raise UsageError(f"{folder}: expected a folder of runs, found none. Fly one: gslcosim up warehouse_empty")

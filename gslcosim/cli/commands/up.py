@@ -117,12 +117,7 @@ def _run_up(arguments: argparse.Namespace) -> int:
 
 
 def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    """Run the scenario of parsed words, report how it went, and return the exit code.
-
-    Args:
-        arguments: Of `gslcosim up`.
-        fork_server: Forks the services, if there is one already.
-    """
+    """Run the scenario of parsed words, report how it went, and return the exit code."""
     loaded = load_checked(arguments)
 
     from gslcosim.cli.run_output import format_summary, show_run_progress

@@ -71,12 +71,7 @@ class RunViewer:
 
 @contextlib.contextmanager
 def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[RunViewer]:
-    """Open a viewer for a run, and close it at the end.
-
-    Args:
-        kind: `window`, `browser`, or None for no viewer.
-        scenario: What will be run.
-    """
+    """Open a viewer for a run, and close it at the end."""
     if kind is None:
         yield RunViewer(None)
         return

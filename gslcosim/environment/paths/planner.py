@@ -197,21 +197,7 @@ def _is_leg_free(space, a_m, b_m):
 
 
 @numba.njit(cache=True, nogil=True)
-def shorten_path(points_m, blocked, origin_m, cell_m):
-    """Leave out the points of a path that it can pass by: from each point on straight to the last one that it sees.
-
-    Args:
-        points_m: (n, 3) path of at least one point, world frame [m].
-        blocked: (nx, ny, nz) uint8, 1 where the path may not go; index order ij.
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
-
-    Returns:
-        (m, 3) first point, bends, last point [m].
-
-    Held by:
-        tests/unit/environment/paths/test_planner.py
-    """
+def _shorten_path(points_m, blocked, origin_m, cell_m):
     return keep_bends(points_m, _is_leg_free, (blocked, origin_m, cell_m))
 
 
@@ -251,9 +237,7 @@ def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples
     return True
 
 
-# Nearest free places: of any part, and of what is in sight or not; compiled functions take positional arguments only.
 _ANY_PART = 0
-_IN_SIGHT, _ANYWHERE = True, False
 # A path is looked at at least this often per cell.
 _LOOKS_PER_CELL = 4
 # What a vehicle keeps from obstacles beyond its radius: errors of its control [m].
@@ -294,9 +278,8 @@ class FreeSpace:
             part: The part that it has to be of; 0: any.
             in_sight: Whether solids between the two rule it out.
         """
-        sight = _IN_SIGHT if in_sight else _ANYWHERE
         place = (np.asarray(self.grid.origin_m), self.grid.cell_m, np.array(point_m, np.float64))
-        node = int(nearest_cell(self.parts, part, self.solid, sight, *place))
+        node = int(nearest_cell(self.parts, part, self.solid, in_sight, *place))
         return None if node < 0 else _centre_m(self.grid, np.array(np.unravel_index(node, self.grid.shape)))
 
     def path(self, start_m: Vec3, goal_m: Vec3) -> NDArray[np.float64] | None:
@@ -313,7 +296,7 @@ class FreeSpace:
         cells = lattice_path(self.blocked, *self.grid.cell_of(ends_m))
         points_m = np.asarray(self.grid.origin_m) + (cells + 0.5) * self.grid.cell_m
         points_m[0], points_m[-1] = ends_m
-        return shorten_path(points_m, self.blocked, np.asarray(self.grid.origin_m), self.grid.cell_m)
+        return _shorten_path(points_m, self.blocked, np.asarray(self.grid.origin_m), self.grid.cell_m)
 
     def holds_curve(self, coefficients: NDArray[np.float64], duration_s: float, *, max_speed_m_s: float) -> bool:
         """Return whether a polynomial path stays in free cells; see `is_curve_free`.
@@ -329,17 +312,13 @@ class FreeSpace:
 
     def slab(self, low_m: float, high_m: float) -> "FreeSpace":
         """Return one layer of cells, free where all cells between two heights [m] are; its points have height 0."""
-        low, high = (self._layer(height_m) for height_m in (low_m, high_m))
+        low, high = (self.grid.index_at(2, height_m) for height_m in (low_m, high_m))
         blocked = self.blocked[:, :, low : high + 1].max(axis=2, keepdims=True)
         solid = self.solid[:, :, low : high + 1].max(axis=2, keepdims=True)
         x_m, y_m, _ = self.grid.origin_m
         nx, ny, _ = self.grid.shape
         grid = Grid(origin_m=(x_m, y_m, -self.grid.cell_m / 2), cell_m=self.grid.cell_m, shape=(nx, ny, 1))
         return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked, _BLOCKED))
-
-    def _layer(self, height_m: float) -> int:
-        layer = math.floor((height_m - self.grid.origin_m[2]) / self.grid.cell_m)
-        return min(max(layer, 0), self.grid.shape[2] - 1)
 
 
 def free_space(

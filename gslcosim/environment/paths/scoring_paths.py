@@ -1,7 +1,7 @@
 # pyright: basic
 """Shortest collision-free paths through an environment: the truth by which the referee scores runs.
 
-Vehicles plan with `planner` instead, whose `shorten_path` shortens their paths, and that there are two is on purpose.
+Vehicles plan with `planner` instead, which shortens their paths, and that there are two is on purpose.
 What is judged must not judge itself: the ways here know nothing of a vehicle, its grid of inflated boxes or its
 corners. And they answer other questions: here how short a way can be, by bends anywhere between the cells, once per
 run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight. Only what a step may cross is
@@ -28,8 +28,9 @@ _BLOCKED = 1
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _point_of(node, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m):
+def _point_of(node, ends, shape, origin_m, cell_m):
     # Cell centres, except that the path begins and ends at the very points.
+    start_node, start_m, goal_node, goal_m = ends
     if node == start_node:
         return start_m[0], start_m[1], start_m[2]
     if node == goal_node:
@@ -39,24 +40,17 @@ def _point_of(node, shape, origin_m, cell_m, start_node, start_m, goal_node, goa
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
+def _node_of(point_m, shape, origin_m, cell_m):
+    # The flat index of the cell that holds a point, -1 outside the grid.
+    i = math.floor((point_m[0] - origin_m[0]) / cell_m)
+    j = math.floor((point_m[1] - origin_m[1]) / cell_m)
+    k = math.floor((point_m[2] - origin_m[2]) / cell_m)
+    return (i * shape[1] + j) * shape[2] + k if 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2] else -1
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
 def _distance(a, b):
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@numba.njit(cache=True, nogil=True)
-def _points_back_to_start(end_node, parent, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m):
-    n = 1
-    node = end_node
-    while node != start_node:
-        node = parent[node]
-        n += 1
-    points_m = np.empty((n, 3))
-    node = end_node
-    for p in range(n - 1, -1, -1):
-        point = _point_of(node, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
-        points_m[p, 0], points_m[p, 1], points_m[p, 2] = point
-        node = parent[node]
-    return points_m
 
 
 @numba.njit(cache=True, nogil=True)
@@ -82,78 +76,64 @@ def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
     Held by:
         tests/unit/environment/paths/test_scoring_paths.py (closed forms around one box)
     """
-    nx, ny, nz = blocked.shape
-    shape = (nx, ny, nz)
-    si, sj, sk = (
-        math.floor((start_m[0] - origin_m[0]) / cell_m),
-        math.floor((start_m[1] - origin_m[1]) / cell_m),
-        math.floor((start_m[2] - origin_m[2]) / cell_m),
-    )
-    gi, gj, gk = (
-        math.floor((goal_m[0] - origin_m[0]) / cell_m),
-        math.floor((goal_m[1] - origin_m[1]) / cell_m),
-        math.floor((goal_m[2] - origin_m[2]) / cell_m),
-    )
-    start_node = (si * ny + sj) * nz + sk
-    is_goal_inside = 0 <= gi < nx and 0 <= gj < ny and 0 <= gk < nz
-    goal_node = (gi * ny + gj) * nz + gk if is_goal_inside else -1
+    shape = blocked.shape
+    _, ny, nz = shape
+    start_node, goal_node = _node_of(start_m, shape, origin_m, cell_m), _node_of(goal_m, shape, origin_m, cell_m)
+    ends = (start_node, start_m, goal_node, goal_m)
     length_m = np.full(blocked.size, np.inf)
     parent = np.full(blocked.size, -1, dtype=np.int64)
     is_closed = np.zeros(blocked.size, dtype=np.bool_)
-    goal = (goal_m[0], goal_m[1], goal_m[2])
     length_m[start_node] = 0.0
     parent[start_node] = start_node
     queue = [(0.0, start_node)]
-    end_node = -1
     while len(queue) > 0:
         _, node = heapq.heappop(queue)
         if is_closed[node]:
             continue
         is_closed[node] = True
-        here = _point_of(node, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
+        here = _point_of(node, ends, shape, origin_m, cell_m)
         i, j, k = node // (ny * nz), (node // nz) % ny, node % nz
-        before = _point_of(parent[node], shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
+        before = _point_of(parent[node], ends, shape, origin_m, cell_m)
         if not is_line_of_sight_free(
             blocked, origin_m, cell_m, before[0], before[1], before[2], here[0], here[1], here[2]
         ):
             # The straight way that was hoped for is not there: come from the best neighbour instead.
             length_m[node] = np.inf
-            for di in range(-1, 2):
-                for dj in range(-1, 2):
-                    for dk in range(-1, 2):
-                        if not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk):
-                            continue
-                        other = node + (di * ny + dj) * nz + dk
-                        if not is_closed[other] or other == node:
-                            continue
-                        there = _point_of(other, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
-                        through_m = length_m[other] + _distance(there, here)
-                        if through_m < length_m[node]:
-                            length_m[node] = through_m
-                            parent[node] = other
-        if _distance(here, goal) <= within_m or node == goal_node:
-            end_node = node
-            break
+            for step in range(27):
+                di, dj, dk = step // 9 - 1, (step // 3) % 3 - 1, step % 3 - 1
+                other = node + (di * ny + dj) * nz + dk
+                if other == node or not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk) or not is_closed[other]:
+                    continue
+                through_m = length_m[other] + _distance(_point_of(other, ends, shape, origin_m, cell_m), here)
+                if through_m < length_m[node]:
+                    length_m[node] = through_m
+                    parent[node] = other
+        if _distance(here, goal_m) <= within_m or node == goal_node:
+            return _points_back_to_start(node, parent, ends, shape, origin_m, cell_m)
         origin_node = parent[node]
-        corner = _point_of(origin_node, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
-        for di in range(-1, 2):
-            for dj in range(-1, 2):
-                for dk in range(-1, 2):
-                    if not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk):
-                        continue
-                    other = node + (di * ny + dj) * nz + dk
-                    if is_closed[other]:
-                        continue
-                    there = _point_of(other, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
-                    through_m = length_m[origin_node] + _distance(corner, there)
-                    if through_m < length_m[other]:
-                        length_m[other] = through_m
-                        parent[other] = origin_node
-                        left_m = max(0.0, _distance(there, goal) - within_m)
-                        heapq.heappush(queue, (float(through_m + left_m), other))
-    if end_node < 0:
-        return np.empty((0, 3))
-    return _points_back_to_start(end_node, parent, shape, origin_m, cell_m, start_node, start_m, goal_node, goal_m)
+        corner = _point_of(origin_node, ends, shape, origin_m, cell_m)
+        for step in range(27):
+            di, dj, dk = step // 9 - 1, (step // 3) % 3 - 1, step % 3 - 1
+            other = node + (di * ny + dj) * nz + dk
+            if not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk) or is_closed[other]:
+                continue
+            there = _point_of(other, ends, shape, origin_m, cell_m)
+            through_m = length_m[origin_node] + _distance(corner, there)
+            if through_m < length_m[other]:
+                length_m[other] = through_m
+                parent[other] = origin_node
+                left_m = max(0.0, _distance(there, goal_m) - within_m)
+                heapq.heappush(queue, (float(through_m + left_m), other))
+    return np.empty((0, 3))
+
+
+@numba.njit(cache=True, nogil=True)
+def _points_back_to_start(node, parent, ends, shape, origin_m, cell_m):
+    points = [_point_of(node, ends, shape, origin_m, cell_m)]
+    while node != ends[0]:
+        node = parent[node]
+        points.append(_point_of(node, ends, shape, origin_m, cell_m))
+    return np.array(points[::-1])
 
 
 _MAX_TIGHTENING_ROUNDS = 200
@@ -180,9 +160,7 @@ def shortest_path_m(
     See `shortest_path`, which also tells how exact it is.
     """
     points_m = shortest_path(environment, start_m, goal_m, clearance_m=clearance_m, within_m=within_m)
-    if points_m is None:
-        return None
-    return _length_m(*points_m)
+    return None if points_m is None else _length_m(*points_m)
 
 
 def shortest_path(

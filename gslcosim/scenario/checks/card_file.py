@@ -15,12 +15,7 @@ from gslcosim.scenario.serialization import read_yaml
 
 
 def validate_card(path: str, seed: int | None) -> ValidFile:
-    """Return the outcome of the check of a card for `gslcosim validate`.
-
-    Args:
-        path: The file.
-        seed: None: a card has no seed.
-    """
+    """Return the outcome of the check of a card for `gslcosim validate`."""
     del seed
     card = check_card_file(Path(path))
     return ValidFile(
@@ -33,9 +28,6 @@ def check_card_file(path: Path) -> MethodCard:
     """Return the card of a file that has no problems, nor has what stands beside it.
 
     Agents and runs read cards with `gslcosim.methods.card.load_card`, which knows no lines.
-
-    Args:
-        path: The file, as errors name it.
     """
     text = read_text(path, shown_path=str(path))
     tree = read_yaml(text, source=str(path))

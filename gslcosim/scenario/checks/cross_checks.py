@@ -1,7 +1,7 @@
 """Checks of a scenario between its distant parts, on plain values so that no problem hides another."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -39,12 +39,7 @@ MAX_DURATION_S = 1e9
 
 
 def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
-    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given.
-
-    Args:
-        values: The scenario, or a part of it.
-        path: The place of the part.
-    """
+    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given."""
     if isinstance(values, dict):
         for key, value in cast("dict[str, object]", values).items():
             # What an agent's parameters mean is the agent's.
@@ -113,8 +108,7 @@ def words_in(value: Any) -> tuple[str, ...]:
 
 def number_in(block: dict[str, Any], key: str, model: type[Spec]) -> float | None:
     """Return the number of a key, its default where it is absent, nothing where it is no number."""
-    value = block[key] if key in block else model.model_fields[key].default
-    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return _real(block[key] if key in block else model.model_fields[key].default)
 
 
 def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Problem:
@@ -132,30 +126,16 @@ _USUAL_VEHICLE = "iris"
 
 
 def find_event_problems(values: dict[str, Any]) -> Iterator[Problem]:
-    """Yield what is wrong between a scenario's events and the rest of its plain values.
-
-    Args:
-        values: The scenario as dicts, lists and scalars.
-    """
+    """Yield what is wrong between a scenario's events and the rest of its plain values."""
     yield from _wrong_doors(values)
     for i, event in blocks_in(values, "events"):
         path = f"events[{i}]"
         yield from _wrong_times(event, values, path)
         yield from _wrong_agents(event, values, path)
         yield from _wrong_value(block_in(event, "when"), values, f"{path}.when")
-        what = str(event.get("what"))
-        if what.startswith("source_"):
-            yield from _wrong_source(event, values, path)
-        elif what == "wind_changes":
-            yield from _wrong_wind(event, values, path)
-        elif what.startswith("door_"):
-            yield from _wrong_door(event, values, path)
-        elif what.startswith("sensor_"):
-            yield from _wrong_sensor(event, values, path)
-        elif what == "rotor_weakens":
-            yield from _wrong_rotor(event, values, path)
-        elif what.startswith("radio_"):
-            yield from _wrong_channel(event, values, path)
+        for beginning, find in _EVENT_RULES.items():
+            if str(event.get("what")).startswith(beginning):
+                yield from find(event, values, path)
 
 
 def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
@@ -175,7 +155,7 @@ def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> It
 
 
 def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
-    names = list(_agents(values))
+    names = list(_named(values, "agents"))
     trigger = block_in(event, "when").get("agent")
     for place, agent in ((f"{path}.agent", event.get("agent")), (f"{path}.when.agent", trigger)):
         if isinstance(agent, str) and agent not in names:
@@ -184,7 +164,7 @@ def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> I
 
 # Which names a program writes is known in the run only, but where its block says so.
 def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
-    owners = {str(own["name"]): own for _, own in blocks_in(values, "participants") if "name" in own}
+    owners = _named(values, "participants")
     owner, value = trigger.get("participant"), trigger.get("value")
     if not isinstance(owner, str):
         return
@@ -305,9 +285,9 @@ def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> I
 
 def _wrong_sensor(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     agent, name, what = event.get("agent"), event.get("sensor"), str(event.get("what"))
-    if not isinstance(agent, str) or agent not in _agents(values) or not isinstance(name, str):
+    if not isinstance(agent, str) or agent not in _named(values, "agents") or not isinstance(name, str):
         return
-    sensors = {str(sensor.get("name")): sensor for _, sensor in blocks_in(_agents(values)[agent], "sensors")}
+    sensors = {str(sensor.get("name")): sensor for _, sensor in blocks_in(_named(values, "agents")[agent], "sensors")}
     if name not in sensors:
         yield _not_there(f"{path}.sensor", f"sensor of {agent}", name, list(sensors))
         return
@@ -324,9 +304,9 @@ def _wrong_sensor(event: dict[str, Any], values: dict[str, Any], path: str) -> I
 
 def _wrong_rotor(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     agent, i = event.get("agent"), event.get("rotor")
-    if not isinstance(agent, str) or agent not in _agents(values):
+    if not isinstance(agent, str) or agent not in _named(values, "agents"):
         return
-    model = block_in(_agents(values)[agent], "vehicle").get("model", _USUAL_VEHICLE)
+    model = block_in(_named(values, "agents")[agent], "vehicle").get("model", _USUAL_VEHICLE)
     if not isinstance(model, str) or not is_vehicle(model):
         return
     try:
@@ -362,8 +342,19 @@ def _wrong_channel(event: dict[str, Any], values: dict[str, Any], path: str) -> 
         yield _not_there(f"{path}.channel", "channel", name, channels)
 
 
-def _agents(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    return {str(agent["name"]): agent for _, agent in blocks_in(values, "agents") if "name" in agent}
+# What an event breaks, by the beginning of its name.
+_EVENT_RULES: dict[str, Callable[[dict[str, Any], dict[str, Any], str], Iterator[Problem]]] = {
+    "source_": _wrong_source,
+    "wind_changes": _wrong_wind,
+    "door_": _wrong_door,
+    "sensor_": _wrong_sensor,
+    "rotor_weakens": _wrong_rotor,
+    "radio_": _wrong_channel,
+}
+
+
+def _named(values: dict[str, Any], key: str) -> dict[str, dict[str, Any]]:
+    return {str(block["name"]): block for _, block in blocks_in(values, key) if "name" in block}
 
 
 def _not_there(path: str, kind: str, name: str, known: Sequence[str]) -> Problem:
@@ -388,10 +379,6 @@ def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Prob
     """Return the problems of plain values that no single block shows.
 
     Values of a wrong kind are passed over: the models complain about them.
-
-    Args:
-        values: The scenario as dicts, lists and scalars.
-        directory: The scenario's folder; relative paths start there.
     """
     return [
         *_repeated_names(values),
@@ -408,14 +395,10 @@ def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Prob
 
 
 def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
-    agents = blocks_in(values, "agents")
-    yield from _repeats("agents", agents)
-    for i, agent in agents:
+    for key in ("agents", "channels", "services", "participants", "probes"):
+        yield from _repeats(key, blocks_in(values, key))
+    for i, agent in blocks_in(values, "agents"):
         yield from _repeats(f"agents[{i}].sensors", blocks_in(agent, "sensors"))
-    yield from _repeats("channels", blocks_in(values, "channels"))
-    yield from _repeats("services", blocks_in(values, "services"))
-    yield from _repeats("participants", blocks_in(values, "participants"))
-    yield from _repeats("probes", blocks_in(values, "probes"))
     layout = block_in(block_in(values, "environment"), "layout")
     yield from _repeats("environment.layout.obstacles", blocks_in(layout, "obstacles"))
 
@@ -455,18 +438,13 @@ def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
-    agents = {str(agent["name"]): agent for _, agent in blocks_in(values, "agents") if "name" in agent}
+    agents = _named(values, "agents")
     for i, channel in blocks_in(values, "channels"):
         listed = channel.get("members", TO_ALL)
         members = list(agents) if listed == TO_ALL else words_in(listed)
         for j, member in enumerate(members if listed != TO_ALL else ()):
             if member not in agents:
-                yield Problem(
-                    where=f"channels[{i}].members[{j}]",
-                    expected=f"the name of an agent ({', '.join(agents)})",
-                    found=f"'{member}'",
-                    remedy=did_you_mean(member, list(agents)),
-                )
+                yield _not_there(f"channels[{i}].members[{j}]", "agent", member, list(agents))
         yield from _deaf_members(i, [agents[name] for name in dict.fromkeys(members) if name in agents])
 
 

@@ -39,10 +39,6 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
     """Yield the problem of each text of a scenario's plain values that stands for a path and can be none.
 
     Whoever looks for such a file gets an error from the system in place of a no.
-
-    Args:
-        values: The scenario, or a part of it.
-        path: The place of the part.
     """
     if isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
@@ -83,13 +79,7 @@ def _why_no_path(text: str, *, is_argument: bool) -> str:
 
 
 def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
-    """Return what is wrong with `start.python`, or nothing when the agent's file is there and is Python.
-
-    Args:
-        name_or_file: A file relative to `directory`, or the name of a bundled agent.
-        directory: The scenario's folder.
-        path: The place in the scenario.
-    """
+    """Return what is wrong with `start.python`, or nothing when the agent's file is there and is Python."""
     file = (directory / name_or_file).resolve()
     if file.is_file():
         return _find_syntax_problem(file, name_or_file, path) or _find_absent_import(file, name_or_file, path)
@@ -138,12 +128,7 @@ def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str
 
 
 def find_neighbour_problems(card: MethodCard, directory: Path) -> Iterator[Problem]:
-    """Yield a problem for each Python file beside a method's card that cannot be parsed.
-
-    Args:
-        card: Not needed: a method's programs are what stands beside its card.
-        directory: The card's folder.
-    """
+    """Yield a problem for each Python file beside a method's card that cannot be parsed."""
     del card
     for file in sorted(directory.glob("*.py")):
         if problem := _find_syntax_problem(file.resolve(), file.name, ""):

@@ -10,13 +10,13 @@ Problems of a scenario's plain values, of which no valid scenario can be made, a
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios
-from gslcosim.base.extensions import CHECKS_GROUP, list_registered, load_registered
+from gslcosim.base.extensions import CHECKS_GROUP, instance_of, list_registered, load_registered, tuple_of
 from gslcosim.base.problems import Problem
 from gslcosim.methods.card import CARD_FILE
 from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
@@ -25,11 +25,6 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 Subject = Literal["room", "agents", "services", "machine"]
 SUBJECTS: tuple[Subject, ...] = ("room", "agents", "services", "machine")
 SCENARIO = "scenario"
-
-
-def _is_always_needed(content: Any) -> bool:
-    del content
-    return True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,20 +45,15 @@ class Check:
     """
 
     name: str
-    of: str
     finder: str
+    of: str = SCENARIO
     subject: Subject | None = None
-    is_needed: Callable[[Any], bool] = _is_always_needed
+    is_needed: Callable[[Any], bool] = lambda _: True
     is_part_of_preparation: bool = False
     is_warning: bool = False
 
     def find(self, content: Any, directory: Path) -> Iterable[Problem]:
-        """Return the problems of what a file holds.
-
-        Args:
-            content: What the file holds.
-            directory: Its folder, where relative paths start.
-        """
+        """Return the problems of what a file holds."""
         if not self.is_needed(content):
             return ()
         return import_function(self.finder)(content, directory)
@@ -107,17 +97,8 @@ class FileKind:
     checks: tuple[Check, ...] = ()
 
     def validate(self, path: str, *, seed: int | None) -> ValidFile:
-        """Return the outcome of the check of a file.
-
-        Args:
-            path: The file.
-            seed: A seed in place of the file's, for kinds that have one.
-        """
+        """Return the outcome of the check of a file."""
         return import_function(self.validator)(path, seed)
-
-
-def _has_own_services(scenario: Scenario) -> bool:
-    return bool(scenario.services or scenario.participants)
 
 
 def _makes_demands(scenario: Scenario) -> bool:
@@ -145,15 +126,9 @@ def _solves_wind(scenario: Scenario) -> bool:
 
 
 _SCENARIO_CHECKS = (
-    Check(
-        name="places",
-        of="scenario",
-        subject="room",
-        finder="gslcosim.environment.generation.checks:find_place_problems",
-    ),
+    Check(name="places", subject="room", finder="gslcosim.environment.generation.checks:find_place_problems"),
     Check(
         name="stored wind",
-        of="scenario",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_stored_wind_problems",
         is_needed=_has_stored_wind,
@@ -161,7 +136,6 @@ _SCENARIO_CHECKS = (
     ),
     Check(
         name="mixed air",
-        of="scenario",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_mixed_air_problems",
         is_needed=lambda scenario: scenario.gas.stored_folder is not None,
@@ -169,7 +143,6 @@ _SCENARIO_CHECKS = (
     ),
     Check(
         name="costly wind",
-        of="scenario",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_costly_wind_problems",
         is_needed=_solves_wind,
@@ -177,7 +150,6 @@ _SCENARIO_CHECKS = (
     ),
     Check(
         name="eddies",
-        of="scenario",
         subject="room",
         finder="gslcosim_services.fields.turbulence.air:find_eddy_warnings",
         is_needed=_has_given_eddies,
@@ -185,35 +157,26 @@ _SCENARIO_CHECKS = (
     ),
     Check(
         name="gusts",
-        of="scenario",
         subject="room",
         finder="gslcosim_services.fields.models.farrell:find_gust_warnings",
         is_needed=lambda scenario: isinstance(scenario.gas, FarrellGasSpec),
         is_warning=True,
     ),
-    Check(
-        name="methods",
-        of="scenario",
-        subject="agents",
-        finder="gslcosim_services.sensing.briefing:find_method_problems",
-    ),
+    Check(name="methods", subject="agents", finder="gslcosim_services.sensing.briefing:find_method_problems"),
     Check(
         name="services",
-        of="scenario",
         subject="services",
         finder="gslcosim.runtime.services:find_service_problems",
-        is_needed=_has_own_services,
+        is_needed=lambda scenario: bool(scenario.services or scenario.participants),
     ),
     Check(
         name="sandboxes",
-        of="scenario",
         subject="machine",
         finder="gslcosim.runtime.processes.sandbox.selection:find_sandbox_problems",
         is_needed=_makes_demands,
     ),
     Check(
         name="drawing",
-        of="scenario",
         subject="machine",
         finder="gslcosim.runtime.rendering:find_rendering_problems",
         is_needed=lambda scenario: bool(scenario.cameras),
@@ -256,11 +219,7 @@ def find_kind(name: str) -> FileKind | None:
         return own
     if name.startswith(_OF_SCENARIOS):
         return None
-    return next(load_registered(CHECKS_GROUP, _as_kind, "a FileKind", name=name), None)
-
-
-def _as_kind(offered: object) -> FileKind | None:
-    return offered if isinstance(offered, FileKind) else None
+    return next(load_registered(CHECKS_GROUP, instance_of(FileKind), "a FileKind", name=name), None)
 
 
 @cache
@@ -270,18 +229,9 @@ def list_checks(of: str) -> tuple[Check, ...]:
         kind = find_kind(of)
         return () if kind is None else kind.checks
     names = [point.name for point in list_registered(CHECKS_GROUP) if point.name.startswith(_OF_SCENARIOS)]
-    offered = (
-        some for name in names for some in load_registered(CHECKS_GROUP, _as_checks, "a tuple of Check", name=name)
-    )
-    checks = [*_SCENARIO_CHECKS, *(check for some in offered for check in some)]
+    loaded = (load_registered(CHECKS_GROUP, tuple_of(Check), "a tuple of Check", name=name) for name in names)
+    checks = [*_SCENARIO_CHECKS, *(check for found in loaded for some in found for check in some)]
     return tuple(sorted(checks, key=lambda check: SUBJECTS.index(check.subject or "room")))
-
-
-def _as_checks(offered: object) -> tuple[Check, ...] | None:
-    if not isinstance(offered, tuple):
-        return None
-    checks = cast("tuple[object, ...]", offered)
-    return tuple(each for each in checks if isinstance(each, Check)) if len(checks) else None
 
 
 def list_scenario_checks(
@@ -307,35 +257,21 @@ def list_scenario_checks(
         and not (prepares_run and check.is_part_of_preparation)
     ]
 
-    def with_processes(check: Check) -> Callable[[Scenario, Path], Iterable[Problem]]:
-        def find(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-            spread = scenario if processes is None else scenario.model_copy(update={"processes": processes})
-            return check.find(spread, directory)
+    def find_in(check: Check, scenario: Scenario, directory: Path) -> Iterable[Problem]:
+        spread = scenario if processes is None else scenario.model_copy(update={"processes": processes})
+        return check.find(spread, directory)
 
-        return find
-
-    return tuple(check.find if processes is None else with_processes(check) for check in chosen)
+    return tuple(partial(find_in, check) for check in chosen)
 
 
 def find_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
-    """Return what is to be known of a valid scenario before it is run.
-
-    Args:
-        scenario: What is to be run.
-        directory: The scenario's folder, where relative paths start.
-    """
+    """Return what is to be known of a valid scenario before it is run."""
     warnings = (check for check in list_checks(SCENARIO) if check.is_warning)
     return [problem for check in warnings for problem in check.find(scenario, directory)]
 
 
 def find_problems(of: str, content: Any, directory: Path) -> Iterator[Problem]:
-    """Yield the problems that all checks of a kind of file find.
-
-    Args:
-        of: The name of the kind of file.
-        content: What the file holds.
-        directory: Its folder, where relative paths start.
-    """
+    """Yield the problems that all checks of a kind of file find."""
     for check in list_checks(of):
         if not check.is_warning:
             yield from check.find(content, directory)

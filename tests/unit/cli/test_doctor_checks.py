@@ -58,6 +58,17 @@ def test_a_missing_or_unfit_package_has_an_install_command():
     assert unfit.text.endswith(", needs >=99")
 
 
+def test_an_extension_without_a_package_that_it_requires_is_named(monkeypatch):
+    assert {finding.level for finding in doctor_checks.check_extensions()} <= {"OK"}
+    extensions = (SimpleNamespace(distribution="gslcosim"), SimpleNamespace(distribution="gslcosim-odd"))
+    monkeypatch.setattr(doctor_checks, "list_registrations", lambda: extensions)
+    monkeypatch.setattr(doctor_checks.importlib.metadata, "requires", lambda _: ["numpy>=1", "no-such-package>=1"])
+    finding = only(doctor_checks.check_extensions())
+    assert (finding.name, finding.level) == ("gslcosim-odd", "WARN")
+    assert finding.text == "no-such-package: missing, needs >=1"
+    assert finding.remedy == f'Run: {sys.executable} -m pip install "no-such-package>=1"'
+
+
 def test_a_package_that_cannot_be_loaded_prevents_flying(monkeypatch):
     monkeypatch.setattr(doctor_checks, "COMPILED_MODULES", ("json", "no_such_module"))
     finding = only(doctor_checks.check_imports())

@@ -11,7 +11,7 @@ import pytest
 
 from gslcosim import __version__
 from gslcosim.base import errors
-from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, iterate_commands, parse
+from gslcosim.cli.arguments import build_parser, command_parsers, iterate_commands, parse
 from gslcosim.cli.main import list_groups, main
 
 GROUPS = list_groups()
@@ -22,6 +22,11 @@ NAMES = [command.name for group in GROUPS for command in group.commands]
 COMMANDS = dict(iterate_commands(GROUPS))
 MOVED = {command.old_name: path for path, command in COMMANDS.items() if command.old_name}
 ALL = ", ".join(NAMES)
+
+
+def collect_actions(parser):
+    """Return what a command takes, with what the actions below it take."""
+    return [*parser._actions, *(each for below in command_parsers(parser).values() for each in collect_actions(below))]
 
 
 def options_of(path):
