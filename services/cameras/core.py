@@ -17,7 +17,7 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, CameraImage, Quaternion
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.environment.model import Environment, Light
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
@@ -69,7 +69,7 @@ class CamerasCore:
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        self._spec = cameras_spec(scenario)
+        self.spec = cameras_spec(scenario)
         self._agents = scenario.agents
         self._model = _build_model(scenario, environment)
         self._data = mujoco.MjData(self._model)
@@ -81,11 +81,6 @@ class CamerasCore:
         self._view = OffscreenRenderer(
             self._model, max(size.width_px for size in sizes), max(size.height_px for size in sizes)
         )
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Close and open the doors as at the start: else pictures depend on the poses only."""

@@ -8,7 +8,7 @@ from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, FieldSamples
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import TriggerSpec
@@ -29,17 +29,12 @@ class EventsCore:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._spec = events_spec(scenario)
+        self.spec = events_spec(scenario)
         self._events = scenario.events
         self._gas = scenario.gas.gas
         self._tick_ns = scenario.tick_ns
         self._due: dict[int, list[int]] = {}
         self._held: set[int] = set()
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Know of the events with a time, and of no other; nothing is written once."""

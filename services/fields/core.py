@@ -18,7 +18,7 @@ from gslcosim.contract.messages import (
     GasAmount,
     MountSample,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.environment.variants import ScaledWind
@@ -128,7 +128,7 @@ class FieldsCore:
         """Build the plume of a scenario in its room."""
         self._scenario = scenario
         self._environment = environment
-        self._spec = fields_spec(scenario)
+        self.spec = fields_spec(scenario)
         self._timing = gas_timing(scenario)
         self._mounts = MountPositions(scenario)
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
@@ -146,11 +146,6 @@ class FieldsCore:
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
         )
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     @property
     def gas(self) -> GasField:

@@ -19,7 +19,7 @@ from gslcosim.contract.messages import (
     RadioTransmission,
     Vec3,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import RadioLostSpec, RadioReturnsSpec
 from gslcosim.scenario.models.scenario import ChannelSpec, find_due_events
@@ -46,7 +46,7 @@ class RadioCore:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._spec = radio_spec(scenario)
+        self.spec = radio_spec(scenario)
         self._channels = {channel.name: channel for channel in scenario.channels}
         self._members = {channel.name: scenario.members_of(channel) for channel in scenario.channels}
         self._scenario = scenario
@@ -56,11 +56,6 @@ class RadioCore:
         self._seed = scenario.seed
         self._rngs: dict[str, np.random.Generator] = {}
         self._on_their_way: dict[int, list[RadioArrival]] = {}
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Forget what is on its way and begin all streams again; nothing is written before tick 0."""

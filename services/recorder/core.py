@@ -8,7 +8,7 @@ from gslcosim.base.errors import RecordingError
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder.service import recorder_spec
@@ -47,13 +47,8 @@ class RecorderCore:
         to_s = scenario.recording.to_s
         self._last_tick = sys.maxsize if to_s is None else ticks_from_seconds(to_s, scenario.tick_ns)
         self._run_id = run_id or path.resolve().parent.name
-        self._spec = recorder_spec(scenario)
+        self.spec = recorder_spec(scenario)
         self._recording: RunRecording | None = None
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Open the file and draw what stands still."""

@@ -19,7 +19,7 @@ from gslcosim.contract.messages import (
     Score,
     Verdict,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.scoring_paths import shortest_level_path_m, shortest_path_m
@@ -86,14 +86,9 @@ class RefereeCore:
         self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
         self._free = {agent.name for agent in scenario.agents if agent.is_free}
-        self._spec = referee_spec(scenario)
+        self.spec = referee_spec(scenario)
         self._scenario = scenario
         self._run = _RunEvaluation.of(self._names, self._rules)
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Forget the last run; the referee draws no random numbers and writes nothing before tick 0."""

@@ -22,7 +22,7 @@ from gslcosim.contract.messages import (
     RadioTraffic,
     Reading,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.variants import DynamicEnvironment
@@ -226,17 +226,12 @@ class SensingCore:
         _check_models(scenario)
         self._scenario = scenario
         self._environment = environment
-        self._spec = sensing_spec(scenario)
+        self.spec = sensing_spec(scenario)
         self._room = DynamicEnvironment(environment, scenario)
         self._scenes = {closed: RayScene(scenario, room) for closed, room in self._room.by_doors().items()}
         self._faults = SensorFaults(scenario) if list_event_reads(scenario, SensorEventSpec) else None
         # Built once already to refuse here, and not in the run, what does not fit together.
         self._panels = self._new_panels(scenario.seed)
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Switch all instruments on and return the agents' briefings."""

@@ -16,7 +16,7 @@ from gslcosim.base.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planner import warm_up_planner
@@ -297,7 +297,7 @@ class WorldCore:
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        self._spec = world_spec(scenario)
+        self.spec = world_spec(scenario)
         self._tick_ns = scenario.tick_ns
         self._environment = environment
         self._wind = _build_wind(environment, scenario)
@@ -346,11 +346,6 @@ class WorldCore:
         self._place_vehicles()
         check_overlaps(self._scene, self._data, self._agents)
         self._tick = -1
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     @property
     def model(self) -> mujoco.MjModel:
