@@ -17,8 +17,7 @@ from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import prepare_variants, with_variants
-from gslcosim.environment.store import load_environment
+from gslcosim.environment.generation.cache import load_rooms
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.distributed.process_launch import run_distributed
@@ -221,13 +220,15 @@ class OpenRun:
         plan, run_dir = self._plan, self._run_dir
         run_dir.save_scenario(dump_resolved(plan.scenario))
         progress = _PreparationReporter(self.report)
-        later_rooms = prepare_variants(plan.scenario, scenario_dir=plan.directory, progress=progress)
+        environment, later_rooms = load_rooms(
+            plan.environment_dir, plan.scenario, scenario_dir=plan.directory, progress=progress
+        )
         self._environments += later_rooms.values()
         setup = RunSetup(
             run_dir=run_dir,
             scenario=plan.scenario,
             environment_dir=plan.environment_dir.resolve(),
-            environment=with_variants(load_environment(plan.environment_dir), later_rooms),
+            environment=environment,
             later_rooms=later_rooms,
             sources=plan.sources,
             directory=plan.directory.absolute(),
