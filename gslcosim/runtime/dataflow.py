@@ -23,9 +23,6 @@ class Dataflow:
 
     Args:
         participants: Their declarations.
-
-    Raises:
-        DataflowError: they do not fit together.
     """
 
     def __init__(self, participants: tuple[ParticipantSpec, ...]) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.contract.participant import get_agent_participant
 
 ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", "silent"]
 

@@ -15,10 +15,18 @@ from gslcosim.base.extensions import list_registered
 from gslcosim.base.problems import Problem
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
-from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
-from gslcosim.runtime.agents.validator import AGENT_PREFIX, get_agent_participant
+from gslcosim.contract.participant import (
+    AGENT_PREFIX,
+    WINDOW_TICKS,
+    Core,
+    ParticipantSpec,
+    Read,
+    Write,
+    get_agent_participant,
+)
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.external.protocol import build_external_spec, find_declaration_problems
+from gslcosim.runtime.network import Network
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec, ServiceSpec
@@ -210,6 +218,24 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
         return Dataflow(specs)
     windows = (max(1, spec.window_ticks * window_ticks // WINDOW_TICKS) for spec in specs)
     return Dataflow(tuple(replace(spec, window_ticks=window) for spec, window in zip(specs, windows, strict=True)))
+
+
+def plan_processes(scenario: Scenario, processes: Processes, network: Network) -> tuple[ServiceGroup, ...]:
+    """Return the services of each process of a run, from upstream to downstream; those elsewhere come last.
+
+    Args:
+        scenario: What is run.
+        processes: How the run is spread over processes; with `one` there are no others.
+        network: Tells which services are elsewhere.
+    """
+    services = list_service_names(scenario)
+    build_dataflow(scenario)
+    network.check(services, is_one_process=processes == "one")
+    if processes == "one":
+        return ()
+    here = [name for name in services if not network.is_remote(name)]
+    elsewhere = ((name,) for name in services if name not in here)
+    return (*(group_services(processes, here) if here else ()), *elsewhere)
 
 
 def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NotRequired, Self, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from gslcosim.base.errors import RunTimeoutError, UsageError
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
@@ -108,13 +108,11 @@ class StatusServer:
         }
         self._path: Path | None = None
         self._listener: socket.socket | None = None
-
-    def __enter__(self) -> Self:
         with contextlib.suppress(OSError):
             self._open()
-        return self
 
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close the socket."""
         listener, self._listener = self._listener, None
         if listener is None:
             return

@@ -235,7 +235,7 @@ def prepare_variants(
         progress: Receives what is being done; only when there is work.
     """
     folders: dict[EnvironmentVariant, Path] = {}
-    for variant in find_variants(scenario)[1:]:
+    for variant in find_variants(scenario)[1:] if scenario.events else ():
         changed = scenario_in_variant(scenario, variant)
         folders[variant] = prepare_environment(changed, scenario_dir=scenario_dir, progress=progress).resolve()
     return folders
