@@ -47,6 +47,15 @@ class ParticipantSpec:
     window_ticks: int = WINDOW_TICKS
 
 
+# What the names of agents' participants begin with, and no other's.
+AGENT_PREFIX = "agent_"
+
+
+def get_agent_participant(agent: str) -> str:
+    """Return the name of the participant that stands for an agent."""
+    return f"{AGENT_PREFIX}{agent}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Episode:
     """One run of a scenario: the seed from which all its random streams derive.

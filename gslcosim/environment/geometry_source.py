@@ -59,7 +59,6 @@ def _problems_with_doors(room: EnvironmentGeometry, spec: EnvironmentSpec) -> li
 def _room_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> EnvironmentGeometry:
     if spec.layout is None:
         return find_room_reader(spec).read(spec, wind, scenario_dir)
-    raise_if_any(find_room_problems(spec.layout, wind))
     return build_layout(spec.layout, wind)
 
 

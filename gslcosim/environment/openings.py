@@ -69,7 +69,7 @@ class WantedOpening:
 
 
 def place_openings(
-    wanted: Iterable[WantedOpening], grid: Grid
+    wanted: Sequence[WantedOpening], grid: Grid
 ) -> tuple[tuple[Opening, ...], list[Problem], tuple[str, ...]]:
     """Move openings to whole cells of a room's faces.
 

@@ -39,7 +39,7 @@ class PlanPainter:
     """
 
     def __init__(self, plan: PlanView, scale: PixelScale, paper: Rgb) -> None:
-        self.plan, self.scale = plan, scale
+        self.plan, self.scale, self._grid = plan, scale, plan.room.grid
         self.image = Image.new("RGB", scale.size_px, paper)
         self._draw = ImageDraw.Draw(self.image)
 
@@ -65,7 +65,7 @@ class PlanPainter:
 
     def box(self, box: Box) -> None:
         """Fill a box with its colour, the brighter the higher it reaches in the room; nothing of one outside."""
-        low, high = self.plan.grid.origin_m, self.plan.grid.max_m
+        low, high = self._grid.origin_m, self._grid.max_m
         min_m = tuple(max(a, b) for a, b in zip(box.min_m, low, strict=True))
         max_m = tuple(min(a, b) for a, b in zip(box.max_m, high, strict=True))
         if all(a < b for a, b in zip(min_m, max_m, strict=True)):
@@ -93,7 +93,7 @@ class PlanPainter:
             path = [self.scale.pixel(place_m) for place_m in seen.path_m()]
             self._draw.line(path, fill=color, width=width if seen.is_at_side else 1)
             # A slit along the floor, open sky at the side of a whole room: no place for an arrow.
-            is_tall = seen.opening.max_m[2] - seen.opening.min_m[2] > self.plan.grid.cell_m * 1.5
+            is_tall = seen.opening.max_m[2] - seen.opening.min_m[2] > self._grid.cell_m * 1.5
             if flow_arrow_px and seen.is_at_side and is_tall:
                 middle = np.mean(path, axis=0)
                 direction = np.array(seen.inward) if seen.is_inlet else -np.array(seen.inward)
@@ -109,8 +109,8 @@ class PlanPainter:
         """
         cells, spacing = space_arrows(~self.plan.solid, per_side)
         winds_m_s = velocity_m_s[cells[:, 0], cells[:, 1], self.plan.layer, :2].astype(np.float64)
-        cell_m = self.plan.grid.cell_m
-        middles_m = np.array(self.plan.grid.origin_m[:2]) + (cells + spacing / 2 - spacing // 2) * cell_m
+        cell_m = self._grid.cell_m
+        middles_m = np.array(self._grid.origin_m[:2]) + (cells + spacing / 2 - spacing // 2) * cell_m
         spacing_px = spacing * cell_m * self.scale.px_per_m
         scale = scale_of_arrows(np.linalg.norm(winds_m_s, axis=-1), spacing_px)
         for middle_m, vector in zip(middles_m, arrow_vectors(winds_m_s, spacing_px, scale), strict=True):

@@ -1,73 +1,58 @@
 """Declared dataflow of a run: who reads what from whom, checked before anything starts."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 from gslcosim.base.errors import DataflowError
-from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Write
 
 ONCE = "once"
 
 
-@dataclass(frozen=True)
 class Dataflow:
-    """All participants of a run with their reads and writes."""
+    """All participants of a run with their reads and writes, checked.
 
-    participants: tuple[ParticipantSpec, ...]
+    Attributes:
+        participants: Their declarations.
+        by_name: The participants by name.
+        writes: The declaration of each port.
+        writer_of: The participant that writes each port.
+        message_types: The message type of each port.
+        recording_ports: The ports whose messages depend on how a run is recorded.
+        readers_of: By participant, the others that read anything it writes.
+        order: The participants so that within a tick each comes after all it waits for.
 
-    def __post_init__(self) -> None:
-        problems = [*find_port_problems(self.participants), *self._announcement_problems()]
-        if not problems and (cycle := find_undelayed_cycle(self.participants)):
+    Args:
+        participants: Their declarations.
+    """
+
+    def __init__(self, participants: tuple[ParticipantSpec, ...]) -> None:
+        self.participants = participants
+        self.by_name = {participant.name: participant for participant in participants}
+        self.writes = {write.port: write for participant in participants for write in participant.writes}
+        self.writer_of = {write.port: participant.name for participant in participants for write in participant.writes}
+        self.message_types = {port: write.message_type for port, write in self.writes.items()}
+        self.recording_ports = frozenset(port for port, write in self.writes.items() if write.is_for_recording)
+        problems = [*find_port_problems(participants), *self._announcement_problems()]
+        if not problems and (cycle := find_undelayed_cycle(participants)):
             problems = [f"{' → '.join([*cycle, cycle[0]])}: expected a delay of at least 1 tick on one of these reads."]
         if problems:
             raise DataflowError("The dataflow cannot run:\n" + "\n".join(f"  {problem}" for problem in problems))
-
-    @cached_property
-    def by_name(self) -> dict[str, ParticipantSpec]:
-        """The participants by name."""
-        return {participant.name: participant for participant in self.participants}
-
-    @cached_property
-    def writes(self) -> dict[str, Write]:
-        """The declaration of each port."""
-        return {write.port: write for participant in self.participants for write in participant.writes}
-
-    @cached_property
-    def writer_of(self) -> dict[str, str]:
-        """The participant that writes each port."""
-        return {write.port: participant.name for participant in self.participants for write in participant.writes}
-
-    @cached_property
-    def message_types(self) -> dict[str, type[Message]]:
-        """The message type of each port."""
-        return {port: write.message_type for port, write in self.writes.items()}
-
-    @cached_property
-    def recording_ports(self) -> frozenset[str]:
-        """The ports whose messages depend on how a run is recorded."""
-        return frozenset(port for port, write in self.writes.items() if write.is_for_recording)
-
-    def readers_of(self, name: str) -> tuple[ParticipantSpec, ...]:
-        """Return the other participants that read anything a participant writes."""
-        mine = {write.port for write in self.by_name[name].writes}
-        return tuple(p for p in self.participants if p.name != name and any(read.port in mine for read in p.reads))
-
-    def order(self) -> tuple[str, ...]:
-        """Return the participants so that within a tick each comes after all it waits for."""
-        done: list[str] = []
-        while len(done) < len(self.participants):
-            ready = [
-                p.name for p in self.participants if p.name not in done and _list_awaited(p, self.writer_of) <= {*done}
-            ]
-            done.append(ready[0])
-        return tuple(done)
+        readers: dict[str, dict[str, ParticipantSpec]] = {name: {} for name in self.by_name}
+        for reader in participants:
+            for read in reader.reads:
+                if (writer := self.writer_of[read.port]) != reader.name:
+                    readers[writer][reader.name] = reader
+        self.readers_of = {name: tuple(others.values()) for name, others in readers.items()}
+        waits = {participant.name: _list_awaited(participant, self.writer_of) for participant in participants}
+        order: list[str] = []
+        while len(order) < len(waits):
+            order.append(next(name for name, awaited in waits.items() if name not in order and awaited <= {*order}))
+        self.order = tuple(order)
 
     def describe(self) -> str:
         """Return the graph as text: one line for each participant, in the order of a tick."""
         lines: list[str] = []
-        for name in self.order():
+        for name in self.order:
             participant = self.by_name[name]
             reads = ", ".join(f"{r.port}[k-{r.delay_ticks}]" if r.delay_ticks else r.port for r in participant.reads)
             writes = ", ".join(_format_write(write) for write in participant.writes)

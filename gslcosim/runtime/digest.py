@@ -6,6 +6,7 @@ import json
 from array import array
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -46,7 +47,7 @@ class HashChain:
     """The chain of one port: after each message the hash of the link before, the tick and the message's bytes."""
 
     # Whole machine words: as Python's numbers they would be the most that a long run keeps.
-    ticks: "array[int]" = field(default_factory=lambda: array("q"))
+    ticks: "array[int]" = field(default_factory=partial(array, "q"))
     links: bytearray = field(default_factory=bytearray)
 
     def append(self, tick: int, payload: bytes) -> None:

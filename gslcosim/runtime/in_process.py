@@ -4,7 +4,7 @@ import queue
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -37,10 +37,10 @@ from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
-from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
+from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.stepper import SentMessage, SnapshotPolicy, StepLoop, Stepper, build_clock_pace
+from gslcosim.runtime.stepper import SentMessage, StepLoop, Stepper
 from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
@@ -74,19 +74,10 @@ class InProcessRun:
         self._sessions = sessions
         self._setup = setup
         self._report = report
-        self._dataflow = build_dataflow(setup.scenario)
         self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
-        services = list_service_names(setup.scenario)
-        self._loop = StepLoop(
-            [build_core(name, setup) for name in self._dataflow.order() if name in services],
-            self._dataflow,
-            self,
-            is_whole_run=True,
-            pace=build_clock_pace(setup),
-            policy=SnapshotPolicy.of(setup),
-        )
-        self._loop.end_at(until_tick)
+        self._dataflow, cores = build_all_cores(setup)
+        self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
         self.pause_before_tick: int | None = None
         self._verdict: Verdict | None = None
         self._pauses = PauseDetector()
@@ -110,8 +101,7 @@ class InProcessRun:
         """
         started = flying_since = time.perf_counter()
         try:
-            for stepper, outputs in self._loop.reset(self._setup.episode):
-                self._loop.pass_on(stepper, outputs)
+            self._loop.start(self._setup.episode)
             self._go_on(is_interrupted)
             flying_since = time.perf_counter()
             outcome.start_up_s = flying_since - started
@@ -139,7 +129,6 @@ class InProcessRun:
 
     # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
-        self._loop.resume()
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
                 self._deliver_commands(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
@@ -287,11 +276,10 @@ class InProcessRun:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentHost:
-    """Agents of a run in this process: their sessions, the queue of what they do, and the processes of some."""
+    """Agents of a run in this process: their sessions, and the queue of what they do."""
 
     sessions: Mapping[str, AgentSession]
     events: "queue.SimpleQueue[AgentEvent]"
-    children: ChildProcesses
 
 
 @contextmanager
@@ -315,30 +303,32 @@ def host_agents(
         is_interrupted: Ends the waiting for processes that join.
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
-    guests = tuple(gateway)
+    own = [agent for agent in setup.scenario.agents if agent.process == agent.name and agent.name not in commanded]
+    gateway = None
+    if any(agent.start.is_behind_gateway for agent in own):
+        gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
+    guests = {} if gateway is None else {name: gateway.get_transport(name) for name in gateway}
     agent_types = load_agent_types(setup.scenario, directory, [*guests, *commanded])
     sessions: dict[str, AgentSession] = {}
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
-        is_guest = agent.name in guests
-        if agent.name in commanded:
-            link = commanded[agent.name]
-        elif is_guest:
-            link = gateway.get_transport(agent.name)
-        else:
-            link = _build_local_transport(agent, agent_types, workers, events.put)
+        link = commanded.get(agent.name) or guests.get(agent.name)
+        link = link or _build_local_transport(agent, agent_types, workers, events.put)
         sessions[agent.name] = build_session(agent, setup, link)
-        sessions[agent.name].is_ready = not is_guest
-    with ExitStack() as stack:
-        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path if guests else None
-        children = stack.enter_context(ChildProcesses(gateway.exited))
-        if socket_dir is not None:
-            stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
-            stack.callback(gateway.close)
-            gateway.start(children, socket_dir)
-            _await_gateway_agents(gateway, sessions, events, is_interrupted)
-        yield AgentHost(sessions=sessions, events=events, children=children)
+        sessions[agent.name].is_ready = agent.name not in guests
+    host = AgentHost(sessions=sessions, events=events)
+    if gateway is None:
+        yield host
+        return
+    with (
+        ScratchFolder.for_sockets() as sockets,
+        ChildProcesses(gateway.exited) as children,
+        StopMonitor(lambda: children.pids, gateway.stopped),
+        closing(gateway),
+    ):
+        gateway.start(children, sockets.path)
+        _await_gateway_agents(gateway, sessions, events, is_interrupted)
+        yield host
         children.wait(EXIT_TIMEOUT_S)
 
 

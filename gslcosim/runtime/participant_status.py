@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.contract.participant import get_agent_participant
 
 # They cross hosts: no number or name of another host is taken as it comes.
 MAX_TICK = 1 << 53

@@ -17,8 +17,7 @@ from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import prepare_variants, with_variants
-from gslcosim.environment.store import load_environment
+from gslcosim.environment.generation.cache import load_rooms
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.distributed.process_launch import run_distributed
@@ -29,7 +28,7 @@ from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run_dir import RunDir, note_sandboxes
-from gslcosim.runtime.services import ServiceGroup, build_dataflow, group_services, list_service_names, list_services
+from gslcosim.runtime.services import list_services, plan_processes
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus, StatusServer
 from gslcosim.scenario import Scenario
@@ -118,9 +117,7 @@ def run_scenario(
     processes = scenario.processes if processes is None else processes
     is_one_process = processes == "one"
 
-    services = list_service_names(scenario)
-    build_dataflow(scenario)
-    network.check(services, is_one_process=is_one_process)
+    groups = plan_processes(scenario, processes, network)
     if scenario.snapshots is not None and network.elsewhere:
         raise UsageError(
             "snapshots: expected all services started here, which write them into the run's folder, was --elsewhere "
@@ -129,11 +126,6 @@ def run_scenario(
     for agent in scenario.agents:
         if agent.start.attach and agent.start.door == "tcp":
             network.check_gateway(agent.name)
-    groups: tuple[ServiceGroup, ...] = ()
-    if not is_one_process:
-        here = [name for name in services if not network.is_remote(name)]
-        groups = group_services(processes, here) if here else ()
-        groups = (*groups, *((name,) for name in services if name not in here))
     sandboxes = describe_sandboxes(scenario, is_one_process=is_one_process)
 
     if repetition is not None:
@@ -212,8 +204,8 @@ class OpenRun:
         plan = self._plan
         self._run_dir = RunDir.create(plan.runs_dir, name=plan.scenario.name, seed=plan.scenario.seed)
         self._preparation_s = time.perf_counter() - plan.began
-        window = StatusServer(self._run_dir, plan.scenario, plan.processes, self.report)
-        self.report = self._contexts.enter_context(window)
+        self.report = window = StatusServer(self._run_dir, plan.scenario, plan.processes, self.report)
+        self._contexts.callback(window.close)
         return self
 
     def prepare(self) -> RunSetup:
@@ -221,13 +213,15 @@ class OpenRun:
         plan, run_dir = self._plan, self._run_dir
         run_dir.replace(run_dir.scenario.name, dump_resolved(plan.scenario))
         progress = _PreparationReporter(self.report)
-        later_rooms = prepare_variants(plan.scenario, scenario_dir=plan.directory, progress=progress)
+        environment, later_rooms = load_rooms(
+            plan.environment_dir, plan.scenario, scenario_dir=plan.directory, progress=progress
+        )
         self._environments += later_rooms.values()
         setup = RunSetup(
             run_dir=run_dir,
             scenario=plan.scenario,
             environment_dir=plan.environment_dir.resolve(),
-            environment=with_variants(load_environment(plan.environment_dir), later_rooms),
+            environment=environment,
             later_rooms=later_rooms,
             sources=plan.sources,
             directory=plan.directory.absolute(),
@@ -236,12 +230,13 @@ class OpenRun:
             snapshot=plan.snapshot,
         )
         setup.save()
+        participants = plan.scenario.participants
         run_dir.save_manifest(
             seed=plan.scenario.seed,
             environment_hash=setup.environment.content_hash,
             processes=plan.processes,
             origin=plan.origin,
-            programs=hash_programs(plan.scenario.participants, plan.directory),
+            programs=hash_programs(participants, plan.directory) if participants else None,
         )
         self.report(RunStatus(state="starting", run_dir=run_dir.path))
         for folder in self._environments:

@@ -15,12 +15,19 @@ from gslcosim.base.extensions import list_registered
 from gslcosim.base.problems import Problem
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
-from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
-from gslcosim.runtime.agents.validator import AGENT_PREFIX, get_agent_participant
+from gslcosim.contract.participant import (
+    AGENT_PREFIX,
+    WINDOW_TICKS,
+    Core,
+    ParticipantSpec,
+    Read,
+    Write,
+    get_agent_participant,
+)
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.external.protocol import build_external_spec, find_declaration_problems
+from gslcosim.runtime.network import Network
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec, ServiceSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Processes
@@ -61,12 +68,12 @@ class ServiceKind:
     """A participant that is a process of its own where a run has processes.
 
     `name` is that of the participant, its folder and its part of keys. `build_spec`` gives its reads and writes without
-    building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
-    scenario has it. `is_warmed_up` ones have kernels to load before time passes, and the one that `has_most_kernels` is
-    warmed up first where one process does it for all; `preloads` are modules that a process may import before it is
-    forked, as they start no threads; `import_early` imports what takes long and may start some, in a process that will
-    be this service and nothing else; `follows_agents` ones read what agents command in the same tick, and so stand
-    downstream of them.
+    building it; `build` imports and builds its core, and nothing of another service, with all its kernels loaded:
+    `is_warmed_up` says that it has some, which `gslcosim.runtime.warmup` loads, and the one that `has_most_kernels` is
+    built first where one process compiles for all. `is_needed` gives something true where a scenario has it; `preloads`
+    are modules that a process may import before it is forked, as they start no threads; `import_early` imports what
+    takes long and may start some, in a process that will be this service and nothing else; `follows_agents` ones read
+    what agents command in the same tick, and so stand downstream of them.
 
     `position` orders services from upstream to downstream. `build_briefings` returns the briefing of each agent before
     the
@@ -79,7 +86,7 @@ class ServiceKind:
     name: str
     build_spec: Callable[[Scenario], ParticipantSpec]
     build: Callable[[RunSetup], Core]
-    is_needed: Callable[[Scenario], bool] = lambda scenario: True
+    is_needed: Callable[[Scenario], object] = lambda scenario: True
     is_warmed_up: bool = False
     has_most_kernels: bool = False
     preloads: tuple[str, ...] = ()
@@ -213,6 +220,24 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
     return Dataflow(tuple(replace(spec, window_ticks=window) for spec, window in zip(specs, windows, strict=True)))
 
 
+def plan_processes(scenario: Scenario, processes: Processes, network: Network) -> tuple[ServiceGroup, ...]:
+    """Return the services of each process of a run, from upstream to downstream; those elsewhere come last.
+
+    Args:
+        scenario: What is run.
+        processes: How the run is spread over processes; with `one` there are no others.
+        network: Tells which services are elsewhere.
+    """
+    services = list_service_names(scenario)
+    build_dataflow(scenario)
+    network.check(services, is_one_process=processes == "one")
+    if processes == "one":
+        return ()
+    here = [name for name in services if not network.is_remote(name)]
+    elsewhere = ((name,) for name in services if name not in here)
+    return (*(group_services(processes, here) if here else ()), *elsewhere)
+
+
 def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
     """Return what keeps the services of other packages and the models of the user's own in a scenario from running.
 
@@ -251,8 +276,11 @@ def _build_specs(scenario: Scenario) -> tuple[ParticipantSpec, ...]:
 
 def build_core(name: str, setup: RunSetup) -> Core:
     """Build the core of a service, with all its kernels loaded; only what this service needs is imported."""
-    kind = find_service(name, setup.scenario)
-    core = kind.build(setup)
-    if kind.is_warmed_up:
-        warm_up(core, setup.scenario)
-    return core
+    return find_service(name, setup.scenario).build(setup)
+
+
+def build_all_cores(setup: RunSetup) -> tuple[Dataflow, list[Core]]:
+    """Return the dataflow of a run and the cores of all its services, from upstream to downstream."""
+    dataflow = build_dataflow(setup.scenario)
+    kinds = {kind.name: kind for kind in list_services(setup.scenario)}
+    return dataflow, [kinds[name].build(setup) for name in dataflow.order if name in kinds]

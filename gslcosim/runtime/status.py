@@ -14,14 +14,13 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NotRequired, Self, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from gslcosim.base.errors import RunTimeoutError, UsageError
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, validate_value
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
-from gslcosim.runtime.processes.current_process import get_user_id
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
@@ -67,7 +66,8 @@ _BACKLOG = 16
 
 def get_status_folder() -> Path:
     """Return where the windows of this user's runs are; it need not exist."""
-    return Path(tempfile.gettempdir()) / f".gslcosim-flights-{get_user_id()}"
+    user_id = 0 if sys.platform == "win32" else os.getuid()
+    return Path(tempfile.gettempdir()) / f".gslcosim-flights-{user_id}"
 
 
 class StatusServer:
@@ -97,13 +97,11 @@ class StatusServer:
         }
         self._path: Path | None = None
         self._listener: socket.socket | None = None
-
-    def __enter__(self) -> Self:
         with contextlib.suppress(OSError):
             self._open()
-        return self
 
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close the socket."""
         listener, self._listener = self._listener, None
         if listener is None:
             return
@@ -160,7 +158,7 @@ class StatusServer:
             return
         folder = get_status_folder()
         folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.is_symlink() or folder.stat().st_uid != get_user_id() or folder.stat().st_mode & 0o077:
+        if folder.is_symlink() or folder.stat().st_uid != os.getuid() or folder.stat().st_mode & 0o077:
             return
         _remove_stale(folder)
         path = folder / f"{os.getpid()}-{secrets.token_hex(3)}{SOCKET_SUFFIX}"

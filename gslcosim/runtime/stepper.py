@@ -79,7 +79,7 @@ class Gate:
         announcers = {write.announced_in for _, _, write in self._reads if write.announced_in not in (None, ONCE)}
         self._announced = {port: {} for port in announcers if port}
         self._longest_delay = max((read.delay_ticks for read in spec.reads), default=0)
-        readers = self.dataflow.readers_of(self.name)
+        readers = self.dataflow.readers_of[self.name]
         self._windows = {reader.name: reader.window_ticks for reader in readers}
         self._credit = dict.fromkeys(self._windows, -1)
         self._credit_until = self._last_tick_in_credit()
@@ -251,7 +251,7 @@ class Stepper:
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
         self._state_adapter = build_state_adapter(self.core) if self.is_kept else None
-        readers = self.dataflow.readers_of(self.spec.name)
+        readers = self.dataflow.readers_of[self.spec.name]
         reads = [read for reader in readers for read in reader.reads if read.port in self.trails]
         self._longest_delay = max((read.delay_ticks for read in reads), default=0)
         self._longest_window = max((reader.window_ticks for reader in readers), default=0)
@@ -529,7 +529,7 @@ class SnapshotPolicy:
             else:
                 stepper.gate.go_on(snapshot.tick, {})
             # All others stand there too.
-            for reader in dataflow.readers_of(stepper.spec.name):
+            for reader in dataflow.readers_of[stepper.spec.name]:
                 stepper.gate.grant(reader.name, snapshot.tick - 1)
         for port, message in snapshot.messages(dataflow):
             for stepper in steppers:
@@ -611,11 +611,21 @@ class StepLoop:
         }
         self._creditors: dict[str, list[Stepper]] = {stepper.spec.name: [] for stepper in self.steppers}
         for stepper in self.steppers:
-            for reader in dataflow.readers_of(stepper.spec.name):
+            for reader in dataflow.readers_of[stepper.spec.name]:
                 if is_whole_run:
                     stepper.gate.grant(reader.name, NO_TICK_LIMIT)
                 elif reader.name in self._creditors:
                     self._creditors[reader.name].append(stepper)
+
+    @classmethod
+    def of_run(
+        cls, setup: RunSetup, cores: Sequence[Core], dataflow: Dataflow, listener: StepListener, until_tick: int | None
+    ) -> "StepLoop":
+        """Return the loop of a whole run, which ends after a tick, if one is given, where no verdict comes before."""
+        pace, policy = build_clock_pace(setup), SnapshotPolicy.of(setup)
+        loop = cls(cores, dataflow, listener, is_whole_run=True, pace=pace, policy=policy)
+        loop.end_at(until_tick)
+        return loop
 
     @property
     def is_paced(self) -> bool:
@@ -646,6 +656,12 @@ class StepLoop:
         for stepper in self.steppers:
             self.acting = stepper
             yield stepper, stepper.reset(episode)
+
+    def start(self, episode: Episode) -> None:
+        """Reset all, hand over what each writes once, and let them go on at the snapshot, if the run has one."""
+        for stepper, outputs in self.reset(episode):
+            self.pass_on(stepper, outputs)
+        self.resume()
 
     def resume(self) -> None:
         """Let all that have been reset go on at the snapshot, if the run has one to go on at."""

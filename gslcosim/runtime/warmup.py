@@ -26,8 +26,8 @@ N_WARMUP_TICKS = 2
 _ZERO = (0.0, 0.0, 0.0)
 
 
-def warm_up(core: Core, scenario: Scenario) -> None:
-    """Reset a core and step it with all vehicles at their starts; it must be reset before it is used.
+def warm_up(core: Core, scenario: Scenario) -> Core:
+    """Reset a core, step it with all vehicles at their starts, and return it; it must be reset before it is used.
 
     Compiling takes seconds on a machine's first run and loading a tenth of a second on every other; both would
     otherwise happen in the first ticks. A core that computes what these two ticks do not reach computes the rest by
@@ -39,6 +39,7 @@ def warm_up(core: Core, scenario: Scenario) -> None:
         core.step(tick, {port: _SYNTHETIC_MESSAGES[port](scenario, tick) for port in ports})
     if isinstance(core, SupportsWarmup):
         core.warm_up()
+    return core
 
 
 def _build_start_poses(scenario: Scenario, tick: int) -> BodyPoses:

@@ -28,10 +28,9 @@ from gslcosim.contract.messages import (
     Score,
 )
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import prepare_variants, with_variants
+from gslcosim.environment.generation.cache import load_rooms
 from gslcosim.environment.model import Environment
 from gslcosim.environment.positions import draw_positions
-from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.session import AgentTransport, CommandReceived, SteppedTransport
 from gslcosim.runtime.in_process import AgentHost, InProcessRun, host_agents
 from gslcosim.runtime.network import Network
@@ -452,12 +451,12 @@ class Simulation:
         recording = loaded.scenario.recording.model_copy(update={"enabled": False})
         scenario = loaded.scenario.model_copy(update={"recording": recording})
         environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
-        variants = prepare_variants(scenario, scenario_dir=loaded.directory)
+        environment, _ = load_rooms(environment_dir, scenario, scenario_dir=loaded.directory)
         return RunSetup(
             run_dir=RunDir(folder),
             scenario=scenario,
             environment_dir=environment_dir,
-            environment=with_variants(load_environment(environment_dir), variants),
+            environment=environment,
             directory=loaded.directory,
         )
 

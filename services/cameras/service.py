@@ -1,5 +1,7 @@
 """Registration and ports of the cameras service, known without building its core."""
 
+from operator import attrgetter
+
 from gslcosim.contract import keys
 from gslcosim.contract.messages import CameraFrames
 from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
@@ -29,6 +31,6 @@ SERVICE = ServiceKind(
     name="cameras",
     build_spec=cameras_spec,
     build=_build,
-    is_needed=lambda scenario: bool(scenario.cameras),
+    is_needed=attrgetter("cameras"),
     position=50,
 )

@@ -1,5 +1,7 @@
 """Registration of the events service."""
 
+from operator import attrgetter
+
 from gslcosim.contract.participant import Core
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
@@ -16,6 +18,6 @@ SERVICE = ServiceKind(
     name="events",
     build_spec=events_spec,
     build=_build,
-    is_needed=lambda scenario: bool(scenario.events),
+    is_needed=attrgetter("events"),
     position=30,
 )

@@ -10,6 +10,7 @@ from gslcosim.contract.messages import FieldSamples, FilamentCloud
 from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, WindChangesSpec
 from gslcosim.scenario.models.scenario import list_event_reads
@@ -38,7 +39,7 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
 def _build(setup: RunSetup) -> Core:
     from gslcosim_services.fields.core import FieldsCore
 
-    return FieldsCore(setup.scenario, setup.environment)
+    return warm_up(FieldsCore(setup.scenario, setup.environment), setup.scenario)
 
 
 def _check_host(setup: RunSetup) -> None:

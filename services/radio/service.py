@@ -1,5 +1,7 @@
 """Registration of the radio service."""
 
+from operator import attrgetter
+
 from gslcosim.contract.participant import Core
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
@@ -16,6 +18,6 @@ SERVICE = ServiceKind(
     name="radio",
     build_spec=radio_spec,
     build=_build,
-    is_needed=lambda scenario: bool(scenario.channels),
+    is_needed=attrgetter("channels"),
     position=40,
 )

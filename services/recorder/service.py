@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 from gslcosim.contract import keys
@@ -89,7 +90,7 @@ SERVICE = ServiceKind(
     name="recorder",
     build_spec=recorder_spec,
     build=_build,
-    is_needed=lambda scenario: scenario.recording.enabled,
+    is_needed=attrgetter("recording.enabled"),
     import_early=preload_modules,
     follows_agents=True,
     position=80,

@@ -7,6 +7,7 @@ from gslcosim.contract.messages import Briefing, Observation
 from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, SensorEventSpec
 from gslcosim.scenario.models.scenario import list_event_reads
@@ -37,7 +38,7 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
 def _build(setup: RunSetup) -> Core:
     from gslcosim_services.sensing.core import SensingCore
 
-    return SensingCore(setup.scenario, setup.environment)
+    return warm_up(SensingCore(setup.scenario, setup.environment), setup.scenario)
 
 
 def _build_briefings(setup: RunSetup) -> Mapping[str, Briefing]:

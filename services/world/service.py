@@ -6,6 +6,7 @@ from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, RotorWeakensSpec, WindChangesSpec
 from gslcosim.scenario.models.scenario import list_event_reads
@@ -25,7 +26,7 @@ def world_spec(scenario: Scenario) -> ParticipantSpec:
 def _build(setup: RunSetup) -> Core:
     from gslcosim_services.world.core import WorldCore
 
-    return WorldCore(setup.scenario, setup.environment)
+    return warm_up(WorldCore(setup.scenario, setup.environment), setup.scenario)
 
 
 SERVICE = ServiceKind(

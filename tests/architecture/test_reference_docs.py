@@ -59,7 +59,7 @@ def test_writers_and_readers_are_as_documented():
     for port, writer in dataflow.writer_of.items():
         channel = documented[port]
         assert channel.writer == writer.replace("agent_beetle", "the agent's door"), port
-        readers = {reader.name for reader in dataflow.readers_of(writer) if any(r.port == port for r in reader.reads)}
+        readers = {reader.name for reader in dataflow.readers_of[writer] if any(r.port == port for r in reader.reads)}
         documented_readers = {text.strip().replace("its door", "agent_beetle") for text in channel.readers.split(",")}
         assert readers <= documented_readers, port
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
@@ -46,8 +46,9 @@ def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir:
         scenario_dir: What relative paths are relative to.
     """
     digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
-    digest.update(hash_code(sources(environment, wind)).encode())
-    packages = [name for name in list_reader_packages(environment, wind) if name not in get_code_roots()]
+    readers = list_reader_packages(environment, wind)
+    digest.update(hash_code(sources(wind, readers)).encode())
+    packages = [name for name in readers if name not in get_code_roots()]
     if not isinstance(wind, WindSpec):
         packages.append(type(wind).__module__.partition(".")[0])
     for package in packages:
@@ -76,14 +77,19 @@ def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
 
 
-def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
-    """Return the code that decides what an environment holds: when it changes, environments are made again."""
+def sources(wind: SolverSpec, readers: Iterable[str]) -> list[Path]:
+    """Return the code that decides what an environment holds: when it changes, environments are made again.
+
+    Args:
+        wind: How its wind is made.
+        readers: The packages that read its files; see `list_reader_packages`.
+    """
     parts = ["gslcosim/environment/*", "gslcosim/environment/layouts"]
     if not isinstance(wind, WindSpec):
         parts += ["gslcosim/flow", "gslcosim/environment/generation/wind.py"]  # a package may build on them
     elif wind.solves:
         parts.append("gslcosim/flow")
-    parts += [name for name in list_reader_packages(environment, wind) if name in get_code_roots()]
+    parts += [name for name in readers if name in get_code_roots()]
     # Where something may be put, and how it is shown, decides nothing about the environment itself.
     return [path for path in list_package_files(*parts) if path.name not in ("positions.py", "picture.py")]
 
@@ -221,10 +227,25 @@ def prepare_variants(
         progress: Receives what is being done; only when there is work.
     """
     folders: dict[EnvironmentVariant, Path] = {}
-    for variant in find_variants(scenario)[1:]:
+    for variant in find_variants(scenario)[1:] if scenario.events else ():
         changed = scenario_in_variant(scenario, variant)
         folders[variant] = prepare_environment(changed, scenario_dir=scenario_dir, progress=progress).resolve()
     return folders
+
+
+def load_rooms(
+    folder: Path, scenario: Scenario, *, scenario_dir: Path | None = None, progress: "Progress | None" = None
+) -> tuple[Environment, dict[EnvironmentVariant, Path]]:
+    """Return the environment in a folder with what events make of it, and the folders of that; see `prepare_variants`.
+
+    Args:
+        folder: That of the room at the start.
+        scenario: Its `events`, `environment` and `wind`.
+        scenario_dir: What relative paths are relative to; the working directory if absent.
+        progress: Receives what is being done; only when there is work.
+    """
+    later_rooms = prepare_variants(scenario, scenario_dir=scenario_dir, progress=progress)
+    return with_variants(load_environment(folder), later_rooms), later_rooms
 
 
 def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant, Path]) -> Environment:

@@ -143,7 +143,7 @@ def _build_once(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeomet
         return tuple(problems), None
     nx, ny, nz = (round(length_m / wind.cell_m) for length_m in layout.size_m)
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=wind.cell_m, shape=(nx, ny, nz))
-    openings, problems, notices = place_openings(_list_openings(layout, wind), grid)
+    openings, problems, notices = place_openings(tuple(_list_openings(layout, wind)), grid)
     if problems:
         return tuple(problems), None
     if isinstance(layout, PlantSpec):

@@ -6,6 +6,7 @@ from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
+from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentSession,
@@ -15,7 +16,7 @@ from gslcosim.runtime.agents.session import (
     EventSink,
     ObservationOrHead,
 )
-from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES, get_agent_participant
+from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, ReorderBuffer, RetransmitBuffer

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
+from gslcosim.contract.participant import get_agent_participant
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import read_agent_name
 from gslcosim.runtime.agents.loader import build_start_command
@@ -19,7 +20,6 @@ from gslcosim.runtime.agents.session import (
     EventSink,
     ObservationOrHead,
 )
-from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
 from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions
 from gslcosim.runtime.processes.sandbox.selection import build_confinement

@@ -13,7 +13,8 @@ from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
-from gslcosim.runtime.agents.validator import CommandValidator, build_validator, get_agent_participant
+from gslcosim.contract.participant import get_agent_participant
+from gslcosim.runtime.agents.validator import CommandValidator, build_validator
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.replay.snapshot import ObservationLog

@@ -53,14 +53,6 @@ def unpack_answer(payload: bytes) -> UnpackedAnswer:
         return error
 
 
-AGENT_PREFIX = "agent_"
-
-
-def get_agent_participant(agent: str) -> str:
-    """Return the name of the participant that stands for an agent."""
-    return f"{AGENT_PREFIX}{agent}"
-
-
 @dataclass(frozen=True, kw_only=True)
 class AgentFault:
     """Something an agent did wrong: what was expected and what came. It is a result of the run, not an error in it."""

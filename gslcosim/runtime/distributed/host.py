@@ -66,8 +66,8 @@ class ParticipantLink:
         self.name = self.stepper.spec.name
         reads = self.stepper.spec.reads
         self.outer_ports_read = {read.port for read in reads if dataflow.writer_of[read.port] not in neighbours}
-        self._neighbours_read = {reader.name for reader in dataflow.readers_of(self.name) if reader.name in neighbours}
-        self.outer_readers = {reader.name for reader in dataflow.readers_of(self.name)} - self._neighbours_read
+        self._neighbours_read = {reader.name for reader in dataflow.readers_of[self.name] if reader.name in neighbours}
+        self.outer_readers = {reader.name for reader in dataflow.readers_of[self.name]} - self._neighbours_read
         self._bundle_key = protocol.build_bundle_key(self.name, self.outer_readers)
         self._ports_that_leave = {
             write.port
@@ -75,12 +75,12 @@ class ParticipantLink:
             if protocol.is_always_published(write.port)
             or any(
                 read.port == write.port
-                for reader in dataflow.readers_of(self.name)
+                for reader in dataflow.readers_of[self.name]
                 if reader.name in self.outer_readers
                 for read in reader.reads
             )
         }
-        readers = dataflow.readers_of(self.name)
+        readers = dataflow.readers_of[self.name]
         # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
         self.kept = RetransmitBuffer(
             extra_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])

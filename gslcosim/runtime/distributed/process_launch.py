@@ -13,9 +13,9 @@ from gslcosim.base.files import ScratchFolder, append_bytes
 from gslcosim.base.processes import Interruption, build_python_command
 from gslcosim.bus.interface import JoinData, Mesh
 from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, AgentAccount, ZenohBus, generate_password, is_mesh_possible
+from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import build_start_command
-from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.distributed.protocol import Interrupted, ProcessEnded, ProcessStopped, SupervisorEvent
 from gslcosim.runtime.distributed.service_main import build_fork_request
 from gslcosim.runtime.distributed.supervisor import RunEndedError, Supervisor

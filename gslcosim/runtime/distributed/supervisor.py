@@ -13,10 +13,11 @@ from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
+from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
 from gslcosim.runtime.agents.session import AgentJoined, AgentLost, build_agent_statuses, build_session
-from gslcosim.runtime.agents.validator import collect_faults, get_agent_participant
+from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import (

@@ -11,7 +11,7 @@ from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
 from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import Message
-from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.contract.participant import AGENT_PREFIX, ParticipantSpec, Read, Write
 from gslcosim.contract.participant_messages import (
     MAX_VALUES,
     PARTICIPATION_VERSION,
@@ -29,7 +29,6 @@ from gslcosim.scenario.problems import did_you_mean
 
 # Names of processes and of who is at fault in a run, beside those of services.
 _RESERVED_NAMES = ("supervisor", "runtime", "fork_server")
-_AGENT_PREFIX = "agent_"
 
 
 def get_period_ticks(own: ParticipantProgramSpec, scenario: Scenario) -> int:
@@ -84,10 +83,10 @@ def find_declaration_problems(
 def _find_reserved_names(scenario: Scenario, services: Sequence[str]) -> Iterator[Problem]:
     others = [service.name for service in scenario.services]
     for i, own in enumerate(scenario.participants):
-        if own.name in (*services, *others, *_RESERVED_NAMES) or own.name.startswith(_AGENT_PREFIX):
+        if own.name in (*services, *others, *_RESERVED_NAMES) or own.name.startswith(AGENT_PREFIX):
             yield Problem(
                 where=f"participants[{i}].name",
-                expected=f"a name that no service has, and that does not begin with {_AGENT_PREFIX}",
+                expected=f"a name that no service has, and that does not begin with {AGENT_PREFIX}",
                 found=f"'{own.name}'",
                 remedy=f"For example my_{own.name}.",
             )

@@ -2,7 +2,6 @@
 
 import contextlib
 import ctypes
-import os
 import sys
 import time
 from pathlib import Path
@@ -59,8 +58,3 @@ def read_memory_bytes() -> int | None:
             if line.startswith("Pss:"):
                 return int(line.split()[1]) * _KIB
     return None
-
-
-def get_user_id() -> int:
-    """Return the number of the user; 0 where users have none."""
-    return 0 if sys.platform == "win32" else os.getuid()

@@ -28,7 +28,7 @@ def test_a_cycle_with_a_delay_is_accepted():
     """One delayed read breaks the cycle."""
     a = spec("a", [Read(port="y", delay_ticks=1)], [Write(port="x", message_type=BodyPoses)])
     b = spec("b", [Read(port="x")], [Write(port="y", message_type=Score)])
-    assert Dataflow((a, b)).order() == ("a", "b")
+    assert Dataflow((a, b)).order == ("a", "b")
 
 
 def test_reading_its_own_output_needs_a_delay():

@@ -27,7 +27,7 @@ def test_a_participant_is_a_service_with_its_reads_and_writes():
     assert "fan: reads truth/samples[k-1]; writes truth/wind, participant/fan/state" in flow.describe()
     # Who is moved by the air reads it a tick later; the recorder draws what the participant writes.
     assert {read.port for read in flow.by_name["recorder"].reads} >= {"truth/wind", "participant/fan/state"}
-    assert [reader.name for reader in flow.readers_of("fan")] == ["world", "fields", "recorder"]
+    assert [reader.name for reader in flow.readers_of["fan"]] == ["world", "fields", "recorder"]
 
 
 def test_between_its_steps_the_wind_is_written_all_the_same():
@@ -42,7 +42,7 @@ def test_the_rate_of_a_source_is_written_each_tick_and_read_a_tick_later():
     flow = build_dataflow(scenario_with(f"{{name: leak, {START}, writes: [source_0, state], period_s: 0.5}}"))
     assert flow.writes["truth/sources/0"].period_ticks == 1
     assert "truth/sources/0[k-1]" in flow.describe()
-    assert [reader.name for reader in flow.readers_of("leak")] == ["fields", "recorder"]
+    assert [reader.name for reader in flow.readers_of["leak"]] == ["fields", "recorder"]
     blocks = [f"{{name: {name}, {START}, writes: [source_0]}}" for name in ("leak", "valve")]
     assert str(problem_of(*blocks)) == "participants: expected one writer (truth/sources/0), was leak and valve."
 

@@ -49,7 +49,7 @@ def test_each_service_is_called_as_its_own_dataflow_says(everything):
 
 
 def test_the_list_is_in_the_order_in_which_services_wait_for_each_other(everything):
-    order = sorted(build_dataflow(everything).order(), key=get_upstream_rank)
+    order = sorted(build_dataflow(everything).order, key=get_upstream_rank)
     dataflow = build_dataflow(everything)
     place = {name: i for i, name in enumerate(order)}
     for name in order:

@@ -4,8 +4,7 @@ import pytest
 from toy_cores import COMMAND, toy_cores, toy_dataflow
 
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.contract.participant import Episode
-from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.contract.participant import Episode, get_agent_participant
 from gslcosim.runtime.stepper import StepLoop
 
 FINAL_TICK = 100

@@ -19,9 +19,8 @@ from gslcosim.contract.messages import (
     Score,
     Verdict,
 )
-from gslcosim.contract.participant import Episode, ParticipantSpec, Read, Write
+from gslcosim.contract.participant import Episode, ParticipantSpec, Read, Write, get_agent_participant
 from gslcosim.contract.record import NumericArray
-from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.dataflow import Dataflow
 
 COMMAND = keys.command("beetle")

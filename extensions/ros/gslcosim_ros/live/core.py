@@ -17,7 +17,7 @@ from gslcosim.contract.messages import (
     Observation,
     Reading,
 )
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Episode, Inbox, Outbox
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -64,17 +64,12 @@ class Ros2Core:
         self._environment = environment
         self._settings = LIVE_TOPICS.get(scenario) or Ros2Spec()
         self._types = types or RosTypes(self._settings.distro)
-        self._spec = ros2_spec(scenario)
+        self.spec = ros2_spec(scenario)
         self._session: RosSession | None = None
         self._topics: dict[str, RosPublisher] = {}
         self._agents: list[_AgentTopics] = []
         self._clock_at_s = 0.0
         self._is_over = False
-
-    @property
-    def spec(self) -> ParticipantSpec:
-        """Return the declared reads and writes."""
-        return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
         """Join the graph, and publish what stands still."""

@@ -37,7 +37,7 @@ SERVICE = ServiceKind(
     name="ros2",
     build_spec=ros2_spec,
     build=_build,
-    is_needed=lambda scenario: LIVE_TOPICS.get(scenario) is not None,
+    is_needed=LIVE_TOPICS.get,
     follows_agents=True,
     position=90,
 )

@@ -34,13 +34,14 @@ from gslcosim.contract.messages import (
     SensorDescription,
     Vec3,
 )
+from gslcosim.contract.participant import get_agent_participant
 from gslcosim.contract.record import NumericArray
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.methods.card import WIND_QUANTITY, MethodCard
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import find_python_agent, load_python_agent
 from gslcosim.runtime.agents.session import AgentEvent, AgentSession, AgentTransport, ObjectTransport
-from gslcosim.runtime.agents.validator import CommandValidator, get_agent_participant
+from gslcosim.runtime.agents.validator import CommandValidator
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes

@@ -14,6 +14,7 @@ from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.generation.cache import recipe_hash, sources
 from gslcosim.environment.model import Cell
+from gslcosim.environment.readers import list_reader_packages
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
 from gslcosim.scenario.serialization import plain_values
@@ -105,17 +106,22 @@ def test_the_recipe_of_uniform_wind_does_not_depend_on_the_solver():
     assert recipe_hash(spec, wind) == recipe_hash(spec, wind.model_copy(update={"end_time_s": 5.0}))
 
 
+def list_sources(spec, wind):
+    return sources(wind, list_reader_packages(spec, wind))
+
+
 def test_the_recipe_names_all_code_that_decides_the_result():
     layout, folder = EnvironmentSpec(layout=LayoutSpec()), EnvironmentSpec(gsl_bench="somewhere")
     for solver in ("uniform", "built_in"):
-        paths = sources(layout, WindSpec(solver=solver))
+        paths = list_sources(layout, WindSpec(solver=solver))
         assert all(path.is_file() for path in paths)
         assert any(path.parent.name == "flow" for path in paths) == (solver == "built_in")
-    assert {path.name for path in sources(folder, WindSpec())} > {path.name for path in sources(layout, WindSpec())}
+    names_of = lambda spec: {path.name for path in list_sources(spec, WindSpec())}  # noqa: E731
+    assert names_of(folder) > names_of(layout)
 
 
 def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_again():
-    names = {path.name for path in sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
+    names = {path.name for path in list_sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
     assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "export.py", "positions.py", "scoring_paths.py"})
     assert names >= {"grid_kernels.py", "geometry_source.py", "store.py", "solver.py", "domain.py"}
     assert names & {path.name for path in (Path(gslcosim.__file__).parent / "environment" / "layouts").glob("*.py")}

@@ -160,7 +160,7 @@ def test_radio_takes_part_only_in_runs_with_channels(with_channels, make_scenari
     assert keys.RADIO not in build_dataflow(make_scenario()).writes
     scenario = with_channels({})
     assert "radio" in list_service_names(scenario)
-    order = build_dataflow(scenario).order()
+    order = build_dataflow(scenario).order
     assert order.index("radio") < order.index("sensing")
 
 
