@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar, cast
 from pydantic import BaseModel
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import STARTS_GROUP, find_remedy, load_registered
+from gslcosim.base.extensions import STARTS_GROUP, find_remedy, list_registered, load_registered
 
 Value = TypeVar("Value")
 AGENT_START = "agents[].start"
@@ -111,6 +111,12 @@ def list_scenario_keys(place: str) -> tuple[ScenarioKey[Any], ...]:
 @cache
 def _load_all() -> tuple[ScenarioKey[Any], ...]:
     return tuple(key for keys in load_registered(STARTS_GROUP, _as_keys, "a tuple of ScenarioKey") for key in keys)
+
+
+def name_makers(key: ScenarioKey[Any]) -> str:
+    """Return the packages that register a key of this place and name."""
+    points = [(point, (other.place, other.name)) for point in list_registered(STARTS_GROUP) for other in point.load()]
+    return " and ".join(point.distribution for point, found in points if found == (key.place, key.name))
 
 
 def _as_keys(offered: object) -> tuple[ScenarioKey[Any], ...] | None:
