@@ -77,13 +77,13 @@ def load_registered(
         except Exception as error:
             raise UsageError(
                 f"{group} {point.name}: expected {point.value} to be imported, was {error!r}. "
-                f"Install {point.distribution} again, or uninstall it."
+                f"Correct {point.distribution} and install it again, or uninstall it."
             ) from error
         accepted = expected(offered)
         if accepted is None:
             raise UsageError(
                 f"{group} {point.name}: expected {what} in {point.value}, was {offered!s:.60}. "
-                f"Install {point.distribution} again, or uninstall it."
+                f"Correct {point.distribution} and install it again, or uninstall it."
             )
         yield accepted
 

@@ -11,7 +11,7 @@ from typing import Any, Generic, Literal, TypeVar, cast
 
 from pydantic import BaseModel
 
-from gslcosim.base.extensions import STARTS_GROUP, load_registered
+from gslcosim.base.extensions import STARTS_GROUP, list_registered, load_registered
 
 Value = TypeVar("Value")
 ENVIRONMENT = "environment"
@@ -132,6 +132,15 @@ def list_scenario_keys(place: str) -> tuple[ScenarioKey[Any], ...]:
 def _load_all() -> tuple[ScenarioKey[Any] | InputPath, ...]:
     what = "a tuple of ScenarioKey and InputPath"
     return tuple(key for keys in load_registered(STARTS_GROUP, _as_keys, what) for key in keys)
+
+
+def name_makers(key: ScenarioKey[Any]) -> str:
+    """Return the packages that register a key of this place and name."""
+    offers = [(point, other) for point in list_registered(STARTS_GROUP) for other in point.load()]
+    makers = [
+        p.distribution for p, o in offers if isinstance(o, ScenarioKey) and (o.place, o.name) == (key.place, key.name)
+    ]
+    return " and ".join(makers)
 
 
 def _as_keys(offered: object) -> tuple[ScenarioKey[Any] | InputPath, ...] | None:

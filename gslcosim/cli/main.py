@@ -14,11 +14,12 @@ from gslcosim.base.errors import (
     ExitCode,
     GslCosimError,
     MachineError,
+    UsageError,
     check_address_space,
     check_working_directory,
     translate,
 )
-from gslcosim.base.extensions import COMMANDS_GROUP, load_registered, tuple_of
+from gslcosim.base.extensions import COMMANDS_GROUP, list_registrations, load_registered, tuple_of
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
 from gslcosim.cli.arguments import (
@@ -84,7 +85,16 @@ CORE_GROUPS = (
 def list_groups() -> tuple[CommandGroup, ...]:
     """Return the commands of the core with those that installed extensions register, by the groups of the help."""
     registered = load_registered(COMMANDS_GROUP, tuple_of(CommandGroup), "a tuple of CommandGroup")
-    return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
+    found = [*CORE_GROUPS, *(group for groups in registered for group in groups)]
+    commands: dict[str, Command] = {}
+    for command in (each for group in found for each in group.commands if isinstance(each, Command)):
+        if commands.setdefault(command.name, command) is not command:
+            modules = f"one of {commands[command.name].run.__module__} and one of {command.run.__module__}"
+            raise UsageError(
+                f"{COMMANDS_GROUP}: expected one command {command.name!r}, was {modules}. "
+                "Rename one, or uninstall its package."
+            )
+    return merge_groups(found)
 
 
 # A command of the core needs no package of another.
@@ -145,7 +155,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
             check_working_directory()
             check_thread_limit()
             limit_from_environment()
-        return int((call or arguments.call)(arguments))
+        return int((call or arguments.call)(arguments) or 0)
     except SystemExit:
         # The help or the version has been printed.
         finish_output()
@@ -167,5 +177,13 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         if refused is not None:
             write_note(str(refused))
             return refused.exit_code
-        write_note(f"{traceback.format_exc()}gslcosim: internal error: {type(error).__name__}. {_BUG}")
+        write_note(f"{traceback.format_exc()}gslcosim: internal error: {type(error).__name__}. {_name_culprit(error)}")
         return ExitCode.FAULT
+
+
+# The package of another project whose code raised it, if not gslcosim's.
+def _name_culprit(error: Exception) -> str:
+    makers = {point.value.partition(":")[0].partition(".")[0]: point.distribution for point in list_registrations()}
+    modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    last = next((top for name in modules[::-1] if (top := name.partition(".")[0]) in {"gslcosim", *makers}), "gslcosim")
+    return _BUG if last.startswith("gslcosim") else f"This is a mistake in the extension {makers[last]}: correct it."

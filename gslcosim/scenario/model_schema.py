@@ -479,7 +479,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     elif homes:
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:
-        remedy = ""
+        remedy = "If an extension adds it, install that." if block.path.endswith(".start") else ""
     return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
 
 

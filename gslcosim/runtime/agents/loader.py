@@ -18,7 +18,12 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.python is not None:
         return build_python_command(str(find_python_agent(agent.start.python, directory)))
     if (start := agent.start.registered) is not None:
-        return start.build_command(start.get(agent.start), agent)
+        if not (words := start.build_command(start.get(agent.start), agent)):
+            maker = start.build_command.__module__
+            raise UsageError(
+                f"agents[].start.{start.name}: expected a command line from {maker}, was {words!r}. Correct it."
+            )
+        return words
     if agent.start.command is not None:
         return resolve_command(agent.start.command, directory)
     return None

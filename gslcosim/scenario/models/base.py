@@ -18,9 +18,10 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from gslcosim.base.errors import UsageError
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
-from gslcosim.base.scenario_keys import list_scenario_keys
+from gslcosim.base.scenario_keys import list_scenario_keys, name_makers
 from gslcosim.base.spec import Name as Name
 from gslcosim.base.spec import Positive as Positive
 from gslcosim.base.spec import Spec as Spec
@@ -44,6 +45,11 @@ def with_registered_keys(place: str) -> Callable[[type[AnySpec]], type[AnySpec]]
         fields = list(block.model_fields.items())
         for key in keys:
             names = [name for name, _ in fields]
+            if key.name in names:
+                raise UsageError(
+                    f"gslcosim.starts: expected a new key in {place or 'scenarios'}, was {key.name!r} "
+                    f"of {name_makers(key)}, which is there already. Rename it, or uninstall the package."
+                )
             i = names.index(key.after) + 1 if key.after in names else len(names)
             field = Field(default=key.default, description=key.description)
             fields.insert(i, (key.name, FieldInfo.from_annotated_attribute(key.annotation, field)))

@@ -11,6 +11,7 @@ import pytest
 
 from gslcosim import __version__
 from gslcosim.base import errors
+from gslcosim.base.extensions import Registration
 from gslcosim.cli.arguments import build_parser, command_parsers, iterate_commands, parse
 from gslcosim.cli.main import list_groups, main
 
@@ -299,3 +300,16 @@ def test_help_imports_nothing_heavy():
     every = "import sys; from gslcosim.cli.main import list_groups; list_groups()"
     code = f"{every}; sys.exit(', '.join({heavy!r} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr.strip() == ""
+
+
+def test_a_mistake_of_an_extension_names_it(capsys, monkeypatch):
+    """Who meets it reports it to the right people."""
+
+    def err(*_, **__):
+        raise ZeroDivisionError
+
+    point = Registration(group="gslcosim.commands", name="dose", value=f"{__name__}:GROUPS", distribution="dose")
+    monkeypatch.setattr("gslcosim.cli.main.list_registrations", lambda: (point,))
+    monkeypatch.setattr("gslcosim.scenario.load_scenario", err)
+    assert main(["validate", "tiny_room"]) == 3
+    assert capsys.readouterr().err.endswith("This is a mistake in the extension dose: correct it.\n")
