@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault
-from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.contract.messages import Message
 from gslcosim.gateway.frame_codec import (
     LENGTH_BYTES,
@@ -377,11 +376,6 @@ class Listener:
             listening.close()
             raise SimulationFault(f"gateway: expected to listen on {path}, could not: {error}") from error
         return cls(listening, f"unix:{path}")
-
-    @property
-    def variables(self) -> dict[str, str]:
-        """Environment variables by which the agent's process finds this place."""
-        return {GATEWAY_VARIABLE: self.address, TOKEN_VARIABLE: self.token}
 
     def admit(
         self,

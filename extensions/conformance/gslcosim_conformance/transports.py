@@ -31,7 +31,7 @@ from gslcosim.runtime.agents.session import (
     CommandRefused,
     ObservationOrHead,
 )
-from gslcosim.runtime.processes.child_processes import ChildProcesses
+from gslcosim.runtime.processes.child_processes import ChildProcesses, build_gateway_variables
 from gslcosim_conformance.audit_router import AuditRouter
 from gslcosim_conformance.scripted_world import AGENT, OTHER_AGENT
 
@@ -282,7 +282,7 @@ class CheckedProcess:
         is_unix = self.connection.transport == "unix"
         listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         listener.admit(self.connection.format, lambda stream, _: on_stream(stream), on_refusal)
-        variables |= listener.variables
+        variables |= build_gateway_variables(listener)
         self.children.start(name, self.command(), variables=variables, log=log, cwd=cwd)
 
     def command(self) -> list[str]:

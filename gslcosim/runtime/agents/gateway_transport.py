@@ -21,7 +21,7 @@ from gslcosim.runtime.agents.session import (
     ObservationOrHead,
 )
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions
+from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions, build_gateway_variables
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.processes.stop_detection import describe_stop
 from gslcosim.runtime.setup import RunSetup
@@ -215,7 +215,7 @@ class GatewayAgents:
         variables = {AGENT_VARIABLE: ",".join(process.agents)}
         if listener is not None:
             listener.admit(spec.start.format, lambda stream, _: self._open(process, stream), process.refuse)
-            variables |= listener.variables
+            variables |= build_gateway_variables(listener)
         command = build_start_command(spec, self._directory)
         if command is None:
             self._write_join_file(process)

@@ -47,7 +47,7 @@ from gslcosim.runtime.external.protocol import (
     read_hello,
     read_outputs,
 )
-from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions
+from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions, build_gateway_variables
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
@@ -144,7 +144,7 @@ class ParticipantProgram:
             connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
             refused: list[str] = []
             listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
-            options["variables"] = variables | listener.variables
+            options["variables"] = variables | build_gateway_variables(listener)
             self._children.start(self._process, command, log=log, **options)
             stream = self._awaited(connected, refused)
         self._exchange = BlockingConnection(stream, own.start.format)

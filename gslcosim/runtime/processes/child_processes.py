@@ -13,7 +13,8 @@ from typing import TypedDict, Unpack, cast
 
 from gslcosim.base.processes import describe_exit
 from gslcosim.base.spawn import Streams, build_short_environment, check_program, signal_group, spawn
-from gslcosim.bus.interface import JOIN_VARIABLES, JoinData
+from gslcosim.bus.interface import GATEWAY_VARIABLE, JOIN_VARIABLES, TOKEN_VARIABLE, JoinData
+from gslcosim.gateway.connections import Listener
 from gslcosim.runtime.processes.fork_server import ForkedProcess
 from gslcosim.runtime.processes.process_log import ProcessLog
 from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, Launch, is_launcher_possible
@@ -26,6 +27,11 @@ LOG_TIMEOUT_S = 0.5
 
 # It leads its own process group, so that its descendants end with it.
 ChildProcess = subprocess.Popen[bytes] | ForkedProcess
+
+
+def build_gateway_variables(listener: Listener) -> dict[str, str]:
+    """Return the environment variables by which a process finds a listener of the gateway."""
+    return {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
 
 
 class ProcessOptions(TypedDict, total=False):
