@@ -13,7 +13,7 @@ from gslcosim.cli.progress import ProgressLine, RemainingTime
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation import GenerationResult
+    from gslcosim.environment.generation.builder import GenerationResult
     from gslcosim.scenario.loader import Recipe
 
 EXAMPLES = """  gslcosim environment generate warehouse_complex
@@ -97,7 +97,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation import build_jobs, generate_many
+    from gslcosim.environment.generation.builder import build_jobs, generate_many
     from gslcosim.environment.positions import draw_positions
     from gslcosim.scenario.checks.registry import list_scenario_checks
     from gslcosim.scenario.loader import load_recipe
