@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planner import free_space
 from gslcosim.environment.store import load_environment

@@ -25,7 +25,7 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.base.bundled import bundled_agents
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, load_card
 from gslcosim.runtime.agents.loader import load_python_agent

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from gslcosim.base.bundled import bundled_suites
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.plan_view import PlanOpening, PlanView, space_arrows
 from gslcosim.environment.store import load_environment

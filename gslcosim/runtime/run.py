@@ -16,8 +16,7 @@ from gslcosim.base.errors import MachineError, RecordingError, UsageError, forma
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.untrusted_input import MalformedFileError
-from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import load_rooms
+from gslcosim.environment.generation.cache import load_rooms, prepare_environment
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.distributed.process_launch import run_distributed

@@ -27,8 +27,7 @@ from gslcosim.contract.messages import (
     Observation,
     Score,
 )
-from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import load_rooms
+from gslcosim.environment.generation.cache import load_rooms, prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.positions import draw_positions
 from gslcosim.runtime.agents.session import AgentTransport, CommandReceived, SteppedTransport

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -47,7 +47,7 @@ up.UP.add_arguments(parser)
 loaded = load_checked(parser.parse_args(["warehouse_empty"]))
 for module in ("gslcosim.runtime.run", "gslcosim.runtime.distributed.process_launch", "gslcosim.cli.run_output"):
     importlib.import_module(module)
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 print(*sorted(sys.modules))
 """

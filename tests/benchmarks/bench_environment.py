@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from gslcosim.environment.generation import generate_environment
+from gslcosim.environment.generation.builder import generate_environment
 from gslcosim.scenario import load_scenario
 
 N_RUNS = 3

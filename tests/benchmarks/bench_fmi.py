@@ -18,7 +18,7 @@ from fan_units import build_fan
 
 from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Core, Episode
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core

@@ -16,7 +16,7 @@ import numpy as np
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import load_scenario

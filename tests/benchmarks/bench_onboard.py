@@ -14,7 +14,7 @@ import numpy as np
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import BodyState
 from gslcosim.contract.record import NumericArray
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime import in_process

@@ -11,7 +11,7 @@ import pytest
 from deadlines import PROCESS_S
 from real_runs import COMMAND, STARTED, TINY_ROOM, UNRECORDED, Flight, children_of, start, wait_a_moment, with_agent
 
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.runtime.run import OpenRun, RunPlan
 from gslcosim.scenario import load_scenario
 

@@ -10,7 +10,7 @@ from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.participant_messages import ParticipantValues
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.external.core import ExternalCore
 from gslcosim.runtime.run_dir import RunDir

@@ -8,7 +8,7 @@ from PIL import Image
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core, list_service_names

@@ -3,7 +3,7 @@
 import pytest
 
 from gslcosim.contract import codec
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.in_process import run_in_process
 from gslcosim.runtime.network import Network

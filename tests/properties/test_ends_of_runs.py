@@ -12,7 +12,7 @@ from in_memory_bus import InMemoryBus, InMemoryHub
 from gslcosim.base.errors import ExitCode
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Observation, Verdict
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.session import AgentJoined

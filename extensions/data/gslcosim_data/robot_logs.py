@@ -27,7 +27,7 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Inbox
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Grid
 from gslcosim.environment.positions import draw_positions
 from gslcosim.environment.store import load_environment

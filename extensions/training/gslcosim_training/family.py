@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.base.bundled import bundled_families
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.problems import Problem
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.loader import LoadedScenario

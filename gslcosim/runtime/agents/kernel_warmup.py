@@ -90,7 +90,7 @@ def run_agent_for_warmup(name: str) -> None:
     if "numba" not in sys.modules:
         return
     from gslcosim.base.files import ScratchFolder
-    from gslcosim.environment.generation import prepare_environment
+    from gslcosim.environment.generation.cache import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim.runtime.in_process import run_in_process
     from gslcosim.runtime.network import Network

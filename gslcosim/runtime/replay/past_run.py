@@ -12,7 +12,7 @@ from gslcosim.base.untrusted_input import MalformedFileError, parse_json
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.replay.snapshot import Snapshot, find_nearest_snapshot

@@ -11,7 +11,7 @@ from numba.core.registry import CPUDispatcher
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import load_scenario

@@ -25,7 +25,7 @@ from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.cli.arguments import iterate_commands
 from gslcosim.cli.main import list_groups, main
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario import load_scenario
 from gslcosim_archive.signing.keys import write_key

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.files import ScratchFolder
-from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import prepare_variants, with_variants
+from gslcosim.environment.generation.cache import prepare_environment, prepare_variants, with_variants
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels

@@ -18,7 +18,7 @@ from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_dataflow

@@ -63,7 +63,7 @@ def _export(arguments: argparse.Namespace) -> "ExportResult":
 
 # A folder is a room without gas.
 def _load(source: str) -> "tuple[Environment, Scenario | None]":
-    from gslcosim.environment.generation import prepare_environment
+    from gslcosim.environment.generation.cache import prepare_environment
     from gslcosim.environment.positions import draw_positions
     from gslcosim.environment.store import load_environment
     from gslcosim.scenario import load_scenario

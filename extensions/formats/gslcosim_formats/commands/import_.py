@@ -45,7 +45,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation import save_with_scene_and_picture
+    from gslcosim.environment.generation.builder import save_with_scene_and_picture
     from gslcosim_formats.environment_folders import NOTICE
 
     with warnings.catch_warnings(record=True) as caught:

@@ -178,7 +178,7 @@ def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
 
 # The id of a run, or a scenario, whose environment is then made.
 def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
-    from gslcosim.environment.generation import prepare_environment
+    from gslcosim.environment.generation.cache import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim_formats.field_samplers import ScenarioFieldSampler
 
@@ -224,7 +224,7 @@ def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
 # The one that the run had; when the cache was cleared since, the same one made again.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
     from gslcosim.base.untrusted_input import MalformedFileError
-    from gslcosim.environment.generation import prepare_environment
+    from gslcosim.environment.generation.cache import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim.runtime.run_dir import RunDir
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.generation import generate_environment
+from gslcosim.environment.generation.builder import generate_environment
 from gslcosim.environment.generation.wind import no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell

@@ -13,7 +13,7 @@ from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Briefing
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import Scenario

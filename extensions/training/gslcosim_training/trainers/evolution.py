@@ -15,7 +15,7 @@ from gslcosim.base.errors import MethodError, SimulationFault, UsageError
 from gslcosim.base.problems import Problem
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import ParameterValue
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.methods.card import MethodCard, find_unmet_needs
 from gslcosim.runtime.status import RunResult
 from gslcosim.scenario.checks.registry import list_scenario_checks

@@ -10,7 +10,7 @@ import pytest
 from gslcosim.base.bundled import bundled_families, bundled_train_files
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim_search.learned.policy_agent import POLICY_FILE
 from gslcosim_search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy
 from gslcosim_training.train_file import load_train_file

@@ -11,8 +11,7 @@ from deadlines import PROCESS_S
 
 import gslcosim
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
-from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.cache import recipe_hash, sources
+from gslcosim.environment.generation.cache import prepare_environment, recipe_hash, sources
 from gslcosim.environment.model import Cell
 from gslcosim.environment.readers import list_reader_packages
 from gslcosim.environment.store import load_environment
@@ -130,7 +129,7 @@ def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_again():
 PREPARE = """
 import sys
 from pathlib import Path
-from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.scenario.models.scenario import Scenario
 scenario = Scenario.model_validate_json(sys.argv[1])
 sys.stdout.write(str(prepare_environment(scenario, cache_dir=Path(sys.argv[2]))))

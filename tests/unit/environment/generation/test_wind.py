@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from gslcosim import flow
 from gslcosim.base.errors import FlowError
-from gslcosim.environment.generation import generate_environment
+from gslcosim.environment.generation.builder import generate_environment
 from gslcosim.environment.generation.cache import recipe
 from gslcosim.environment.generation.wind import build_patches, no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
