@@ -8,7 +8,6 @@ from deadlines import EVENT_S
 from in_memory_bus import InMemoryBus, InMemoryHub
 
 from gslcosim.base.processes import Interruption
-from gslcosim.bus.interface import InMemoryBus, InMemoryHub
 from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
