@@ -233,11 +233,6 @@ def compare(results: Results, a: str, b: str) -> Comparison:
 
     It is that of these two alone: of many pairs, the report's comparison holds for all of them together.
 
-    Args:
-        results: All rows, or some of them.
-        a: The one entry.
-        b: The other.
-
     Raises:
         UsageError: they have no runs in common.
     """

@@ -69,7 +69,6 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[Leader
     """Return the rows of all entries that flew, highest score first, and the comparison that ranks follow from.
 
     Args:
-        material: What was run.
         within: (n,) which rows count.
     """
     rows = material.rows
@@ -92,9 +91,7 @@ def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> En
     """Return the comparison of entries in score and success, in one family; its pairs have indices of entries.
 
     Args:
-        rows: All rows.
         within: (n,) which count; runs without gas do not.
-        entries: Which are compared.
     """
     score, some = build_matrix(rows, within, entries, rows.score)
     success, _ = build_matrix(rows, within, entries, rows["success"].astype(np.float64))
@@ -110,12 +107,7 @@ def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> En
 
 
 def sampling_units(rows: TrialRows, chosen: Ints) -> SamplingUnits:
-    """Return what is drawn of some rows: whole rooms, whole plumes or single runs.
-
-    Args:
-        rows: All rows.
-        chosen: Indices of some.
-    """
+    """Return what is drawn of some rows: whole rooms, whole plumes or single runs."""
     return find_sampling_units(rows.rooms[chosen], rows.gas[chosen], rows.cells[chosen])
 
 
@@ -163,13 +155,7 @@ def median_with_interval(values: Floats) -> Estimate:
 
 
 def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    """Return success less luck, over whole rooms or plumes; over single runs paired where every run has its control.
-
-    Args:
-        rows: All rows.
-        chosen: Runs of an entry with gas.
-        controls: Runs of it without.
-    """
+    """Return success less luck, over whole rooms or plumes; over single runs paired where every run has its control."""
     if not len(controls) or not len(chosen):
         return UNDEFINED
     both = np.concatenate([chosen, controls])
@@ -201,9 +187,7 @@ def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values:
     """Return values by pair and entry, (n_units, n_entries), nan where one has not run, and a row of each unit.
 
     Args:
-        rows: All rows.
         within: (n,) which count; runs without gas do not.
-        entries: Which columns.
         values: (n,) of all rows.
     """
     chosen = np.flatnonzero(within & ~rows.is_control & np.isin(rows.entry, entries))

@@ -43,9 +43,6 @@ def stratified_bootstrap(
         strata: (n,) label of the cell of each trial; None: one cell.
         statistic: From (d, m) samples to (d,); None: the mean, in which each stratum keeps its weight.
         clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one; None: each for itself.
-        rng: Seed or generator of the draws.
-        n_draws: Bootstrap samples.
-        level: Confidence level, 0 to 1.
 
     Source:
         Agarwal et al. 2021, arXiv:2108.13264, with the ends of `estimates.percentile_interval`.
@@ -86,9 +83,6 @@ def bootstrap_cells(
         cells: (n,) label of the cell of each trial.
         clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one.
         strata: (n,) label of what is drawn from apart; None: one stratum.
-        rng: Seed or generator of the draws.
-        n_draws: Bootstrap samples.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The estimate; n counts trials.
@@ -128,8 +122,6 @@ def bootstrap_worst_quarter(
     Args:
         values: (n,) one per trial.
         cells: (n,) label of the cell of each trial.
-        clusters: As in `bootstrap_cells`.
-        strata: As in `bootstrap_cells`.
     """
     values = as_finite_row(values, "values")
     check_same_length(values=values, cells=cells)

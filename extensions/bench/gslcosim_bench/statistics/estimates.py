@@ -105,7 +105,6 @@ def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | 
 
     Args:
         draws: (n_draws,) the statistic of each bootstrap sample; nan (undefined in that sample) is left out.
-        level: Confidence level, 0 to 1.
         freedom: Degrees of freedom of the spread; 0: nothing is known of it, so no interval. None: endless.
 
     Source:
@@ -156,13 +155,10 @@ def bootstrap(
     """Return a statistic of rows with its percentile bootstrap interval.
 
     Args:
-        n: Rows.
         statistic: From (d, m) indices of rows to the (d,) statistic of each of the d samples.
         strata: (n,) labels; each stratum is drawn from apart. None: one stratum.
         clusters: (n,) labels; rows of a cluster are drawn together. None: each row for itself.
-        level: Confidence level, 0 to 1.
         seed: Of the draws. Calls with the same seed, strata and clusters draw the same rows.
-        n_draws: Bootstrap samples.
 
     Returns:
         The estimate; without interval where no stratum has two clusters (or rows).
@@ -190,11 +186,6 @@ def bootstrap_mean(
 
     Args:
         values: (n,) finite.
-        strata: As in `bootstrap`.
-        clusters: As in `bootstrap`.
-        level: Confidence level, 0 to 1.
-        seed: Of the draws.
-        n_draws: Bootstrap samples.
     """
     values = as_finite_row(values, "values")
     if not values.size:
@@ -236,11 +227,8 @@ def iterate_row_draws(
     from together, so that the cluster stays whole.
 
     Args:
-        n: Rows.
         strata: (n,) labels, or None.
         clusters: (n,) labels, or None.
-        seed: Of the draws.
-        n_draws: Samples in total.
 
     Yields:
         (d, m) indices of rows; the d sum up to `n_draws`.

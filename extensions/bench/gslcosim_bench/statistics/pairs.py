@@ -82,9 +82,6 @@ def paired_difference(
         b: (n,) values of the other in the same cases.
         clusters: (n,) labels of pairs that share their gas and are drawn as one.
         strata: (n,) labels of cells that are drawn from apart.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
 
     Source:
         Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13; ends: `estimates.percentile_interval`.
@@ -110,8 +107,6 @@ def sign_flip(
         a: (n,) values of one entry.
         b: (n,) values of the other in the same cases.
         clusters: (n,) labels of pairs whose signs are tossed as one.
-        seed: Of the tosses.
-        n_flips: Drawn patterns.
 
     Returns:
         Two-sided p; 1 where all differences are zero, nan without pairs.
@@ -132,8 +127,6 @@ def sign_flips(
     Args:
         differences: (n, m) differences of n pairs, m times; nan where there is no pair.
         clusters: (n,) labels of pairs whose signs are tossed as one.
-        seed: Of the tosses.
-        n_flips: Drawn patterns.
 
     Returns:
         (m,) two-sided p.

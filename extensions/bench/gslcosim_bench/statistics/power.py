@@ -14,10 +14,8 @@ def paired_power(n_pairs: int, *, difference: float, discordance: float, alpha: 
     X ~ Bin(M, (discordance + difference) / (2 discordance)); the test refuses where p(X, M) <= alpha.
 
     Args:
-        n_pairs: Cases and repetitions that both entries meet.
         difference: Of the two rates of success, above 0.
         discordance: Share of pairs in which just one entry succeeds; at least the difference.
-        alpha: Level of the two-sided test.
 
     Held by:
         extensions/bench/tests/unit/statistics/test_power.py (simulated pairs)
@@ -45,10 +43,7 @@ def pairs_needed(
     """Return how many pairs show a difference with the given power.
 
     Args:
-        difference: As in `paired_power`.
-        discordance: As in `paired_power`.
         power: Chance to find it, 0 to 1.
-        alpha: Level of the test.
         design_effect: By how much pairs that share a room or plume inflate the variance:
             1 + (m - 1) rho for groups of m with the correlation rho (Kish 1965).
     """

@@ -26,7 +26,6 @@ def wilson(successes: int, n: int, level: float = LEVEL) -> Estimate:
     Args:
         successes: 0 to n.
         n: Trials; undefined for 0.
-        level: Confidence level, 0 to 1.
 
     Source:
         Wilson 1927, doi:10.1080/01621459.1927.10502953, without continuity correction.
@@ -50,7 +49,6 @@ def clopper_pearson(successes: int, n: int, level: float = LEVEL) -> Estimate:
     Args:
         successes: 0 to n.
         n: Trials; undefined for 0.
-        level: Confidence level, 0 to 1.
 
     Source:
         Clopper and Pearson 1934, doi:10.1093/biomet/26.4.404, as quantiles of beta distributions.
@@ -82,8 +80,6 @@ def rates_over_units(
 
     Args:
         outcomes: (n, m) a row per flight.
-        units: Of the n flights.
-        level: Confidence level, 0 to 1.
         effect: Design effect where a rate is 0 or 1; nan: that of the other columns, or, without any, as if each unit
             was one flight.
 
@@ -170,7 +166,6 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
         success: (n,) whether each trial with a source came near it.
         luck: (m,) whether each control, without gas, came near the place where the source would be.
         paired: Whether trial i and control i are the same case with the same seeds; then n = m.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The lift, -1 to 1; n counts pairs, or trials and controls together.
@@ -193,8 +188,6 @@ def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUn
     Args:
         outcomes: (n,) whether each trial or control came near the source, or the place where it would be.
         is_luck: (n,) which of them are controls.
-        units: Of all n.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The lift; n counts trials and controls together; no interval where units show no spread.
@@ -213,13 +206,6 @@ def difference_of_rates(successes_a: int, n_a: int, successes_b: int, n_b: int, 
     """Return the difference of two independent rates, p_a - p_b, with Newcombe's interval.
 
     d - sqrt((p_a - l_a)^2 + (u_b - p_b)^2)   to   d + sqrt((u_a - p_a)^2 + (p_b - l_b)^2)       l, u Wilson's ends
-
-    Args:
-        successes_a: Successes of a.
-        n_a: Trials of a.
-        successes_b: Successes of b.
-        n_b: Trials of b.
-        level: Confidence level, 0 to 1.
 
     Source:
         Newcombe 1998, doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I, method 10.
@@ -243,7 +229,6 @@ def paired_difference_of_rates(a: np.ndarray, b: np.ndarray, level: float = LEVE
     Args:
         a: (n,) outcomes of one.
         b: (n,) outcomes of the other in the same cases.
-        level: Confidence level, 0 to 1.
 
     Source:
         Newcombe 1998, doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C, method 10 (phi with

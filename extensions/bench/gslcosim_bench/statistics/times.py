@@ -63,7 +63,6 @@ def kaplan_meier(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, leve
         time_s: (n,) time of reaching or of censoring [s].
         reached: (n,) whether the source was reached then.
         at_s: (m,) when to give the fraction [s], in any order.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The curve; nan without trials.
@@ -110,7 +109,6 @@ def cumulative_success(
         time_s: (n,) time of reaching [s]; that of a failure does not count.
         reached: (n,) whether the source was reached.
         at_s: (m,) when to give the fraction, up to the limit [s].
-        level: Confidence level, 0 to 1.
         units: Rooms or plumes whose trials are drawn as one; the band is then that of `rates_over_units`.
 
     Source:
@@ -162,9 +160,6 @@ def restricted_mean(
         limit_s: Time limit T of all trials, or (n,) of each [s].
         clusters: (n,) labels of trials that share their gas; with them the interval is a bootstrap over clusters.
         cells: (n,) cases, which count the same however many trials they have; None: each trial does.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
 
     Returns:
         Mean [s] with interval, within 0 and the limit. Where all failed no spread is seen: the lower end is then
@@ -196,9 +191,6 @@ def median_time(
         time_s: (n,) time of reaching [s]; that of a failure does not count.
         reached: (n,) whether the source was reached.
         clusters: (n,) labels of trials that are drawn together.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
 
     Source:
         Efron 1981, doi:10.1080/01621459.1981.10477650, bootstrap of the Kaplan-Meier median.
@@ -230,9 +222,6 @@ def expected_running_time(
         time_s: (n,) run time: of reaching, or of the end of a failure [s].
         reached: (n,) whether the source was reached.
         clusters: (n,) labels of trials that are drawn together.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
 
     Source:
         Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977.
@@ -255,7 +244,6 @@ def mean_of_successes(time_s: np.ndarray, reached: np.ndarray, level: float = LE
     Args:
         time_s: (n,) time of reaching [s].
         reached: (n,) whether the source was reached.
-        level: Confidence level, 0 to 1.
     """
     time_s, reached = _trials(time_s, reached)
     found_s = time_s[reached]
@@ -354,7 +342,6 @@ def performance_profile(
         times: (n,) time of the entry in each scenario [s], infinite where it failed.
         reference: (n,) time of the reference in each, > 0 [s]: the oracle's, which does not change with the entrants.
         tau: (m,) factors; None: 1, 2, 5, 10.
-        level: Confidence level, 0 to 1.
         units: Rooms or plumes whose scenarios are drawn as one; the band is then that of `rates_over_units`.
 
     Source:
@@ -395,8 +382,6 @@ def runtime_distribution(
         at_s: (k,) when to give the fraction [s].
         clusters: (n,) labels of trials that are drawn together.
         level: Confidence level of the pointwise bootstrap band, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
 
     Returns:
         The curve; n counts trials.
