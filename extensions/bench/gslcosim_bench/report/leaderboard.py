@@ -6,12 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslcosim_bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim_bench.statistics.aggregates import (
-    bootstrap_cells,
-    bootstrap_worst_quarter,
-    stratified_bootstrap,
-)
-from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
+from gslcosim_bench.statistics.aggregates import bootstrap_cells, bootstrap_worst_quarter
+from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate, bootstrap, encode_labels
 from gslcosim_bench.statistics.ranking import EntryComparison, compare_entries
 from gslcosim_bench.statistics.rates import lift, lift_over_units, pool_design_effect, rate_over_units
 from gslcosim_bench.statistics.sampling_units import SamplingUnits, find_sampling_units
@@ -146,12 +142,8 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints, effect: float) -> Leade
 
 
 def median_with_interval(values: Floats) -> Estimate:
-    """Return the median with its bootstrap interval.
-
-    Args:
-        values: (n,) finite.
-    """
-    return stratified_bootstrap(values, None, lambda drawn: np.median(drawn, axis=-1), n_draws=1000)
+    """Return the median of (n,) finite values with its bootstrap interval."""
+    return bootstrap(values.size, lambda rows: np.median(values[rows], axis=-1), n_draws=1000)
 
 
 def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
