@@ -18,7 +18,6 @@ import numpy as np
 from gslcosim_bench import Results, compare
 from gslcosim_bench.results import Comparison
 from gslcosim_bench.statistics.estimates import Estimate
-from gslcosim_bench.statistics.pairs import holm
 
 WALK = "persistent_walk"
 
@@ -29,6 +28,14 @@ def main() -> None:
     parser.add_argument("results", type=Path, help="results of methods or swarms")
     results = Results.load(parser.parse_args().results).select(is_control=False)
     sys.stdout.write(f"{against_the_walk(results)}\n{by_case(results)}")
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Return (m,) p values after Holm 1979, A simple sequentially rejective multiple test procedure."""
+    order = np.argsort(p, kind="stable")
+    corrected = np.empty(p.shape)
+    corrected[order] = np.maximum.accumulate(np.minimum(1.0, p[order] * np.arange(p.size, 0, -1)))
+    return corrected
 
 
 def against_the_walk(results: Results) -> str:

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from open_2026 import GROUNDED, INDOORS, print_table
+from scipy import special
 
 from gslcosim_bench.report.number_formats import format_estimate, format_percent, format_three_digits
-from gslcosim_bench.statistics.pairs import mcnemar
 from gslcosim_bench.statistics.rates import wilson
 
 FOLDER = Path(__file__).parent / "open_2026"
@@ -52,6 +52,12 @@ def read_variants() -> dict[str, dict[Unit, Row]]:
             unit = row["suite_seed"], row["case"], int(row["repetition"]), False
             found.setdefault(row["entry"], {})[unit] = row
     return found
+
+
+def mcnemar(a: np.ndarray, b: np.ndarray) -> tuple[int, int, float]:
+    """Return in how many pairs a alone and b alone succeeded, and McNemar's exact two-sided p."""
+    only_a, only_b = int(np.sum(a & ~b)), int(np.sum(b & ~a))
+    return only_a, only_b, min(1.0, 2.0 * float(special.bdtr(min(only_a, only_b), only_a + only_b, 0.5)))
 
 
 def print_reactive(rows: Sequence[Row]) -> None:
@@ -129,10 +135,8 @@ def print_tuned(defaults: Sequence[Row], variants: Mapping[str, Mapping[Unit, Ro
             lines += [_describe(entry, label, [found[unit] for unit in units]) for entry, found in entries]
             own = np.array([is_found(tuned[unit]) for unit in units])
             for entry, found in entries[1:]:
-                test = mcnemar(own, np.array([is_found(found[unit]) for unit in units]))
-                tests.append(
-                    f"{name}, tuned, and {entry}, seeds {label}: alone {test.only_a} and {test.only_b}, p {test.p:.2g}"
-                )
+                alone, other, p = mcnemar(own, np.array([is_found(found[unit]) for unit in units]))
+                tests.append(f"{name}, tuned, and {entry}, seeds {label}: alone {alone} and {other}, p {p:.2g}")
     heads = ("entry", "seeds", "found", "success [%]", "declared", "median time of a declaration [s]", "in rooms")
     print_table(heads, lines)
     write("; ".join(tests) + ".")
@@ -168,10 +172,10 @@ def print_fit(rows: Sequence[Row]) -> None:
     for place in ("all", "open ground", "room", "mixed"):
         here = [unit for unit in units if place in ("all", find_place(flown[WITH_FIT][unit]))]
         fit, end = ([flown[name][unit] for unit in here] for name in (WITH_FIT, WITHOUT_FIT))
-        test = mcnemar(np.array(list(map(is_found, fit))), np.array(list(map(is_found, end))))
+        alone, other, p = mcnemar(np.array(list(map(is_found, fit))), np.array(list(map(is_found, end))))
         times_s = (median_s([row for row in each if row["declared"]]) for each in (fit, end))
         rates = percent(fit, is_found), percent(end, is_found)
-        lines.append((place, len(here), *rates, test.only_a, test.only_b, f"{test.p:.2g}", *times_s))
+        lines.append((place, len(here), *rates, alone, other, f"{p:.2g}", *times_s))
     heads = ("place", "cases", "with the fit [%]", "without [%]", "by the fit alone", "without it alone", "p",
              "median declaration with [s]", "without [s]")  # fmt: skip
     print_table(heads, lines)

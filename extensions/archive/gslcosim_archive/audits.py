@@ -17,7 +17,6 @@ def detection_probability(n_rows: int, n_false: int, n_drawn: int) -> float:
     1 - C(N - K, n) / C(N, n)        N n_rows, K n_false, n n_drawn
 
     Args:
-        n_rows: Rows of the table.
         n_false: False ones among them, 0 to n_rows.
         n_drawn: Rows that are drawn without replacement, 0 to n_rows.
     """
@@ -33,10 +32,8 @@ def max_false_rows(n_rows: int, n_drawn: int, n_found: int, level: float = LEVEL
     It is an upper limit that covers the true number in at least `level` of draws, whatever that number is.
 
     Args:
-        n_rows: Rows of the table.
         n_drawn: Rows that were drawn without replacement, 0 to n_rows.
         n_found: False ones among those, 0 to n_drawn.
-        level: Confidence level, 0 to 1.
 
     Source:
         The exact one-sided limit of a finite population, as Clopper and Pearson 1934, doi:10.1093/biomet/26.4.404,
@@ -62,7 +59,6 @@ def required_draw(n_rows: int, max_false_share: float, level: float = LEVEL) -> 
     Args:
         n_rows: Rows of the table, at least 1.
         max_false_share: The share, 0 or more and below 1; with 0 no row may be false.
-        level: Confidence level, 0 to 1.
     """
     if n_rows < 1 or not 0.0 <= max_false_share < 1.0:
         raise ShapeError(f"required_draw: expected rows and a share from 0 to 1, was {n_rows} and {max_false_share}.")

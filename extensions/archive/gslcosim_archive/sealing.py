@@ -72,9 +72,6 @@ def seal_suite(source: str | Path) -> Seal:
 
     None of the seeds that follow from it, of rooms, runs and gas, is one of the suite as it is or of a bundled suite.
     `bench tune` trains on none of these either.
-
-    Args:
-        source: A file, or the name of a bundled suite.
     """
     public = load_suite(source, is_flown=True)
     taken = collect_seeds(public) | collect_bundled_seeds()
@@ -94,7 +91,6 @@ def hash_recipe(loaded: LoadedSuite, *, has_editor_lines: bool = False) -> str:
     """Return a hash of what decides the cases of a suite beside its seed: suites with scenarios, and their files.
 
     Args:
-        loaded: The suite.
         has_editor_lines: Whether lines for editors count, which copies of files lack: they do in seals of 0.1.
     """
     digest = hashlib.sha256()
@@ -163,7 +159,6 @@ def load_sealed_suite(source: str | Path, secret: Path, *, is_flown: bool = Fals
 
     Args:
         source: The suite that was sealed, or one that includes it.
-        secret: The file of the secret.
         is_flown: Whether its scenarios and the programs of its entries have to be there.
     """
     seal = read_seal(secret)
@@ -185,9 +180,6 @@ def reveal_suite(source: str | Path, secret: Path, commitment: Path, folder: Pat
     """Check that a secret is what was committed to, and write the suite with its seed.
 
     Args:
-        source: The suite that was sealed.
-        secret: The file of the secret.
-        commitment: The file that was published before.
         folder: Where the suite is written, with what of its files is not bundled; it has to be new.
     """
     seal = read_seal(secret)

@@ -55,7 +55,6 @@ def rank(
     anchors; otherwise each is named after its folder.
 
     Args:
-        folders: Of results of the same cases.
         out: Where merged results with their report are written; nowhere if absent.
         demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
             folders demands it.
@@ -86,11 +85,7 @@ class PublishedResults:
 
 
 def load_published_results(folders: Sequence[Path]) -> PublishedResults:
-    """Return the results of one folder, or of several merged as `rank` does.
-
-    Args:
-        folders: Of results of the same cases.
-    """
+    """Return the results of one folder, or of several merged as `rank` does."""
     submissions = _load_submissions(folders)
     if len(submissions) == 1:
         material = load_report_data(folders[0], with_gas=True)

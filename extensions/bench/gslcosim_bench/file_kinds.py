@@ -7,12 +7,7 @@ from gslcosim.scenario.checks.registry import Check, FileKind, ValidFile
 
 
 def validate_suite(path: str, seed: int | None) -> ValidFile:
-    """Return the outcome of the check of a suite for `gslcosim validate`.
-
-    Args:
-        path: The file.
-        seed: A seed in place of the suite's.
-    """
+    """Return the outcome of the check of a suite for `gslcosim validate`."""
     from gslcosim_bench.cases import build_plan, load_suite
     from gslcosim_bench.execution.verification import check_machine
 

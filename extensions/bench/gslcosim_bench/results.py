@@ -16,7 +16,6 @@ from gslcosim_bench.statistics.pairs import sign_flip
 from gslcosim_bench.statistics.ranking import estimate_means
 from gslcosim_bench.statistics.rates import pool_design_effect, rate_over_units
 from gslcosim_bench.statistics.sampling_units import Level, SamplingUnits, find_sampling_units
-from gslcosim_bench.statistics.times import restricted_mean
 from gslcosim_bench.store import TRACKS, TRIALS, ResultsFolder
 
 _compute: Any = pc
@@ -116,18 +115,6 @@ class Results:
         )
         rows = self._of(entry)
         return rate_over_units(rows.array("success").astype(bool), rows.sampling_units(), effect=effect)
-
-    def mean_time_s(self, entry: str) -> Estimate:
-        """Return the mean over cases of min(time to source, limit) of an entry [s]; failures count with the limit."""
-        rows = self._of(entry)
-        units = rows.sampling_units()
-        return restricted_mean(
-            rows.array("time_s"),
-            rows.array("success").astype(bool),
-            rows.array("time_limit_s").astype(float),
-            clusters=units.clusters,
-            cells=units.case,
-        )
 
     def sampling_units(self) -> SamplingUnits:
         """Return what intervals draw: whole rooms where there are six or more, else whole plumes, else single runs."""
@@ -232,11 +219,6 @@ def compare(results: Results, a: str, b: str) -> Comparison:
     """Return the comparison of an entry with another on the runs that both have made, controls apart.
 
     It is that of these two alone: of many pairs, the report's comparison holds for all of them together.
-
-    Args:
-        results: All rows, or some of them.
-        a: The one entry.
-        b: The other.
 
     Raises:
         UsageError: they have no runs in common.

@@ -474,7 +474,6 @@ class ResultsFolder:
         """Take a folder, which need not be there.
 
         Args:
-            path: The folder.
             is_checked: Whether what is read is compared with the checksums of the folder.
         """
         self.path = path
@@ -724,7 +723,6 @@ def write_at_once(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file of the results so that a reader sees the old one or the new one, never a part.
 
     Args:
-        path: The file.
         write: Writes another file, which then takes its place.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}")

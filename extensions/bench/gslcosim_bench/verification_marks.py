@@ -77,7 +77,6 @@ def save_mark(contents: str, mark: VerificationMark) -> None:
 
     Args:
         contents: The `results_hash` of the folder.
-        mark: What came of it.
     """
     path = _path(contents)
     try:

@@ -407,9 +407,6 @@ def render_frames(
     """Yield the frames of a film, (height, width, 3), 25 for each second.
 
     Args:
-        runs: One run, or several as tiles.
-        cut: What is shown of each.
-        size_px: Width and height.
         follow: The agent that the room is seen with, of one run; absent: the first.
         has_chase_view: Whether the room is shown beside the plan.
 
@@ -489,7 +486,6 @@ def write_film(frames: Frames, path: Path, progress: Callable[[int], None] = lam
     Args:
         frames: (height, width, 3) each, all of one size, even numbers for MP4.
         path: Its ending says what it becomes.
-        progress: Receives how many frames have been written.
 
     Raises:
         UsageError: the ending is another, or the extra `film` is not installed.

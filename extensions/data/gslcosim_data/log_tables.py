@@ -37,10 +37,6 @@ def read_csv_log(path: Path, sensors: Sequence[LoggedSensor]) -> RobotLog:
     readings have numbers. Units at the end of a column's name are converted, and tell columns apart. A row without a
     number in a sensor's columns has no reading of it.
 
-    Args:
-        path: The file.
-        sensors: Whose readings are read.
-
     Raises:
         UsageError: it cannot be read, a column is missing, a cell is no number, or times do not ascend.
     """

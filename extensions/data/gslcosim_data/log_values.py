@@ -148,10 +148,8 @@ class Remarks:
         """Return values with NaN for those that no instrument gives, such as -9999 or 1e300, and remark on them.
 
         Args:
-            name: What they are.
             limits: What limits them; see `LoggedSensor.limits`.
             values: (n,); NaN where there is none.
-            place: Returns where the i-th stands.
         """
         low, high = _LIMITS.get(limits, (-math.inf, math.inf))
         is_wrong = ~np.isnan(values) & ~((values >= low) & (values <= high) & np.isfinite(values))

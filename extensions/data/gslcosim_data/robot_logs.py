@@ -64,10 +64,6 @@ _WITHOUT_PROGRAMS = ("agents[0].start={attach: true}", "participants=[]", "servi
 def load_log_scenario(source: str, overrides: Sequence[str]) -> LoadedScenario:
     """Read the scenario of a log; its room, source and sensors are checked, and neither method nor start.
 
-    Args:
-        source: A file, or the name of a bundled scenario.
-        overrides: Values to replace.
-
     Raises:
         ScenarioError: there is no such scenario, or it has problems.
     """
@@ -91,10 +87,8 @@ def import_log(
     before, where the referee sees success; collisions are not judged.
 
     Args:
-        log: What was run.
         source: The file it comes from; the manifest has its name and hash.
         loaded: Room, source, vehicle and sensors; its agent is not started.
-        runs_dir: Where the run's folder is made.
         remark: Receives what was left out of the log or assumed, sentence by sentence; the manifest has it, too.
 
     Raises:

@@ -61,8 +61,6 @@ def format_markdown_table(
     """Return the lines of a Markdown table; cells that are no `Markdown` are escaped, None is empty.
 
     Args:
-        headings: Of the columns.
-        rows: Values of each row.
         rules: What stands below the headings, such as `--:`; absent: `---`.
     """
     cells = ([_format_cell(value) for value in row] for row in rows)

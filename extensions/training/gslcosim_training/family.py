@@ -34,8 +34,6 @@ class Family(CaseFamily):
 
         Args:
             split: `training`, `validation` or `test`.
-            n: How many.
-            report: Receives how many are done.
 
         Raises:
             UsageError: there is no such split, or it has fewer seeds.
@@ -104,9 +102,6 @@ class Family(CaseFamily):
 
 def load_family(source: str | Path) -> Family:
     """Read and check a family.
-
-    Args:
-        source: A file, or the name of a bundled family.
 
     Raises:
         ScenarioError: there is no such family, or it has problems: all of them in one error.

@@ -8,12 +8,7 @@ from gslcosim_bench.cases.spec_files import raise_located
 
 
 def validate_family(path: str, seed: int | None) -> ValidFile:
-    """Return the outcome of the check of a family for `gslcosim validate`.
-
-    Args:
-        path: The file.
-        seed: None: a family has seeds of its own.
-    """
+    """Return the outcome of the check of a family for `gslcosim validate`."""
     from gslcosim_training.family import SPLITS, load_family
 
     del seed
@@ -30,7 +25,6 @@ def validate_train_file(path: str, seed: int | None) -> ValidFile:
     """Return the outcome of the check of a train file for `gslcosim validate`.
 
     Args:
-        path: The file.
         seed: None: `gslcosim train` takes it from the file.
     """
     from gslcosim_training.train_file import load_train_file

@@ -18,24 +18,14 @@ from gslcosim_training.trainers.trainer import MethodSettings, TableSettings
 
 
 def find_case_problems(family: Family, directory: Path) -> Iterator[Problem]:
-    """Yield what is wrong with the first case of each split of a family; the others differ by what is drawn.
-
-    Args:
-        family: The family.
-        directory: Not needed.
-    """
+    """Yield what is wrong with the first case of each split of a family; the others differ by what is drawn."""
     del directory
     for split in SPLITS:
         yield from _load_first_case(family, split)[1]
 
 
 def find_trainer_problems(file: TrainFile, directory: Path) -> Iterator[Problem]:
-    """Yield what is wrong with the trainer of a train file, its settings and its numbers of cases.
-
-    Args:
-        file: The train file with its family.
-        directory: Not needed.
-    """
+    """Yield what is wrong with the trainer of a train file, its settings and its numbers of cases."""
     del directory
     spec = file.spec
     splits: tuple[tuple[Split, int], ...] = (("training", spec.cases.training), ("validation", spec.cases.validation))
@@ -57,12 +47,7 @@ def find_trainer_problems(file: TrainFile, directory: Path) -> Iterator[Problem]
 
 
 def find_flight_problems(file: TrainFile, directory: Path) -> Iterator[Problem]:
-    """Yield why the first cases of a training cannot be flown: by its method, or as a batch.
-
-    Args:
-        file: The train file with its family.
-        directory: Not needed.
-    """
+    """Yield why the first cases of a training cannot be flown: by its method, or as a batch."""
     del directory
     trainer = file.spec.trainer
     splits: tuple[Split, ...] = ("training", "validation")

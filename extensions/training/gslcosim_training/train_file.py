@@ -148,7 +148,6 @@ def load_train_file(source: str | Path, *, is_flown: bool = False) -> TrainFile:
     """Read and check a train file, and its family.
 
     Args:
-        source: A file, or the name of a bundled one.
         is_flown: Whether trainer, settings and first cases are checked too, as for a training that begins.
     """
     path, bundled = Path(source), bundled_train_files()

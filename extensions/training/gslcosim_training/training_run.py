@@ -83,12 +83,7 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
-    """Return the checkpoint of a folder.
-
-    Args:
-        folder: Of the training.
-        identity: Of the train file that goes on.
-    """
+    """Return the checkpoint of a folder."""
     path = folder / CHECKPOINT
     if not path.is_file():
         raise UsageError(f"{path}: expected a checkpoint to go on from, found none. Leave out --resume.")

@@ -54,8 +54,6 @@ def build_gas_scenario(gas: Mapping[str, Any], *, name: str, seed: int) -> Scena
 
     Args:
         gas: The block `gas:`.
-        name: Of the scenario.
-        seed: Of the scenario.
     """
     return Scenario.model_validate(
         {
@@ -85,7 +83,6 @@ def record_plume(
     Args:
         gas: A block of `gas:` without sources.
         seconds: Length of the record [s].
-        seed: Of the gas.
         distances_m: From the source [m], up to 38.
     """
     source = {"position_m": SOURCE_M, "filaments_per_s": 10}
@@ -280,8 +277,6 @@ def fill_room(
         gas: A block of `gas:` of filaments, without sources.
         room: See `closed_room`.
         seconds: How long [s].
-        n_tracers: How many.
-        seed: Of gas and places.
     """
     size_m = np.array(room.grid.shape, np.float64) * room.grid.cell_m
     places_m = size_m * np.random.default_rng(seed).random((n_tracers, 3))

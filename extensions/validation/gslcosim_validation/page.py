@@ -83,14 +83,7 @@ def _storable_row(row: Comparison) -> StoredRow:
 
 
 def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -> StoredResult:
-    """Write a result and its figures below a folder, and return it.
-
-    Args:
-        folder: Where the page is.
-        case: Whose result it is.
-        effort: The effort of its run.
-        result: Its result.
-    """
+    """Write a result and its figures below a folder, and return it."""
     place = folder / RESULTS
     stored = make_storable(case, effort, result)
     try:

@@ -205,9 +205,6 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
 
     Args:
         values: The record; background subtracted.
-        settings: Threshold, ranges of fits, and blocks.
-        n_draws: Bootstrap samples.
-        seed: Of the draws.
 
     Source:
         Künsch 1989, Annals of Statistics 17, 1217, with blocks that do not overlap.
@@ -305,7 +302,6 @@ def score_absolute_dispersion(
         time_scale_s: Lagrangian time scale [s].
         histories: (n_tracers,) labels; tracers of one history share its eddies and are drawn together. None: each for
             itself.
-        seed: Of the draws.
     """
     law_m2 = taylor_variance_m2(time_s, velocity_std_m_s=velocity_std_m_s, time_scale_s=time_scale_s)
     return _bootstrap_rows(displacement_m, lambda rows: (rows**2).mean(axis=0) / law_m2, histories, seed)
@@ -326,7 +322,6 @@ def score_richardson_constant(
         time_s: (n_times,) times since their release [s], well below the Lagrangian time scale.
         dissipation_m2_s3: Rate of dissipation eps [m2/s3].
         histories: (n_pairs,) labels; see `score_absolute_dispersion`.
-        seed: Of the draws.
 
     Source:
         Ott and Mann 2000, Journal of Fluid Mechanics 422, 207: g = 0.5, uncertainty 0.2.

@@ -67,9 +67,7 @@ def build_croissant(
     """Return the description of a dataset.
 
     Args:
-        publication: Its name, authors and terms.
         files: All of its files but the description itself.
-        tables: Those of its files that are tables.
         statements: Properties of the vocabulary for responsible AI, without prefix, and their texts.
     """
     authors = [{"@type": "sc:Person", "name": name} for name in publication.authors]

@@ -128,10 +128,7 @@ def build_datasheet(
     """Return the datasheet as Markdown.
 
     Args:
-        publication: Name, authors and terms.
-        origins: Folders of results.
         tables: Flights, and their samples if they are published.
-        suite_files: Files of the suites.
     """
     counts = count_dataset(origins, tables)
     parts = [

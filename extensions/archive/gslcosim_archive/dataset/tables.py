@@ -168,7 +168,6 @@ def build_published_tables(origins: Sequence[Origin], *, has_tracks: bool = True
     """Return the tables `trials` and `tracks` of all folders, without paths of machines.
 
     Args:
-        origins: Folders of results.
         has_tracks: Whether tracks are published; else the table of trials is alone.
     """
     columns = tuple(column for column in TRIAL_COLUMNS if column.name not in LEFT_OUT)

@@ -62,7 +62,6 @@ def write_dataset(
         folder: Where to: a new or empty folder.
         license: SPDX identifier, or URL of a license.
         authors: Names of who publishes it; nobody: anonymous.
-        url: Where it is published.
         published: When; by default the day on which the last of the results was begun.
         may_be_incomplete: Accept results in which flights of the suite are missing; the datasheet says so.
         has_tracks: Whether tracks, the larger table, are published too.

@@ -37,10 +37,7 @@ def build_change_error(place: Path, expected: str, problems: Sequence[str], *, r
     """Return an error that lists what differs from what was signed.
 
     Args:
-        place: The folder or file.
-        expected: What it should have been.
         problems: What differs, a line each; the first ones are listed.
-        remedy: What to do.
     """
     more = [f"and {len(problems) - _MAX_LISTED} more"] if len(problems) > _MAX_LISTED else []
     where = "place" if len(problems) == 1 else "places"
@@ -88,12 +85,7 @@ def write_key(path: Path, comment: str) -> PublicKey:
 
 
 def check_text(text: str, option: str) -> None:
-    """Refuse a text of the command line that is no UTF-8.
-
-    Args:
-        text: The text.
-        option: Where it comes from.
-    """
+    """Refuse a text of the command line that is no UTF-8."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
@@ -111,7 +103,6 @@ def sign_digest(digest: bytes, key_path: Path, *, namespace: str = NAMESPACE) ->
     Args:
         digest: 32 bytes.
         key_path: File of an Ed25519 key without a passphrase, as `write_key` or ssh-keygen write it.
-        namespace: What it is for.
     """
     private = _load_private(key_path)
     key = _public_part(private)
@@ -146,8 +137,6 @@ def check_digest(digest: bytes, signature: str, *, place: str, namespace: str = 
     Args:
         digest: 32 bytes.
         signature: As `sign_digest` returns it.
-        place: Where it comes from, for errors.
-        namespace: What it has to be for.
     """
     ed25519, _, exceptions = _load_cryptography()
     expected = f"{place}: expected a signature of OpenSSH by an Ed25519 key for {namespace}"

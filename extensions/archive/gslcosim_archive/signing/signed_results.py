@@ -65,7 +65,6 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
     """Sign all that a results folder says; an earlier signature is replaced.
 
     Args:
-        folder: Complete results.
         key_path: File of the author's Ed25519 key.
         author: Name that is shown beside the key; nobody checks it.
         signed_at: Time of signing, by the author's clock.
@@ -109,7 +108,6 @@ def check_signature(folder: Path, *, author: str | None = None) -> SignedResults
     """Return what an author has signed, where a folder still is what it was then; None where nobody has signed it.
 
     Args:
-        folder: The results.
         author: Fingerprint of the key that must have signed; absent: any.
     """
     paths = folder / STATEMENT_FILE, folder / SIGNATURE_FILE

@@ -74,7 +74,6 @@ def read_log(path: Path, *, head: str | None = None) -> list[LogLine]:
     """Return the lines of a log whose chain of hashes and signatures are whole.
 
     Args:
-        path: The file.
         head: Hash of a line that must be in it, noted earlier; absent: a log whose end was cut off passes.
     """
     lines, problems = _parse(path)
@@ -92,7 +91,6 @@ def add_submission(path: Path, signed: SignedResults) -> LogLine:
     """Add signed results to a log, which is made where there is none.
 
     Args:
-        path: The file.
         signed: As `check_signature` returns them.
     """
     return _add(path, kind="submission", text="", **_list_fields(signed))
@@ -119,13 +117,7 @@ def add_note(path: Path, text: str, key_path: Path, *, author: str, signed_at: s
 
 
 def find_submission(lines: Sequence[LogLine], signed: SignedResults, *, path: Path) -> LogLine:
-    """Return the line of signed results.
-
-    Args:
-        lines: Of the log.
-        signed: The results.
-        path: The log, for errors.
-    """
+    """Return the line of signed results."""
     for line in lines:
         if line.kind == "submission" and line.statement_hash == signed.statement_hash:
             if wrong := [name for name, value in _list_fields(signed).items() if getattr(line, name) != value]:
@@ -142,14 +134,7 @@ def find_submission(lines: Sequence[LogLine], signed: SignedResults, *, path: Pa
 
 
 def find_beacon_note(lines: Sequence[LogLine], submission: LogLine, beacon: str, *, path: Path) -> LogLine | None:
-    """Return the first note of the log with an audit's beacon in it; None where no note has it.
-
-    Args:
-        lines: Of the log.
-        submission: Line of the results that are audited.
-        beacon: The value.
-        path: The log, for errors.
-    """
+    """Return the first note of the log with an audit's beacon in it; None where no note has it."""
     value = re.compile(rf"(?<!\w){re.escape(beacon.strip())}(?!\w)")
     note = next((line for line in lines if line.kind == "note" and value.search(line.text)), None)
     if note is not None and note.number < submission.number:

@@ -15,10 +15,6 @@ def find_cards(folders: Sequence[Path], wanted: Collection[str]) -> Mapping[str,
     """Return the card of each program that is as it was when it flew: bundled, or in the folder of the results.
 
     A program that has changed since has no card here, for the card may have changed with it.
-
-    Args:
-        folders: Of results.
-        wanted: Hashes of programs, as in the manifests.
     """
     found: dict[str, MethodCard] = {}
     bundled = {path.resolve() for path in bundled_agents().values()}

@@ -103,12 +103,7 @@ class MethodFacts:
 
 
 def describe_cases(analysis: Analysis, files: Mapping[str, str]) -> tuple[CaseFacts, ...]:
-    """Return the facts of all cases, in the order of the suite.
-
-    Args:
-        analysis: Figures of the report.
-        files: File name of each case.
-    """
+    """Return the facts of all cases, in the order of the suite."""
     material, rows = analysis.material, analysis.material.rows
     grades = {grade.case: grade for grade in analysis.grades}
     room_of = {row: room for room in analysis.rooms for row in room.rows.tolist()}
@@ -257,9 +252,6 @@ def describe_methods(
     """Return the facts of all entries.
 
     Args:
-        analysis: Figures of the report.
-        cases: Facts of all cases.
-        files: File name of each entry.
         cards: Cards by the hash of the program that they lie beside.
         keys: Fingerprint of the key that has signed the results of each entry; None where nobody has.
     """

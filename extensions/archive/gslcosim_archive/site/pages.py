@@ -92,11 +92,7 @@ class _Site:
 
 
 def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
-    """Yield the path below the site's folder, and the content, of each file.
-
-    Args:
-        data: What it is made of.
-    """
+    """Yield the path below the site's folder, and the content, of each file."""
     analysis = data.analysis
     material = analysis.material
     case_files = assign_file_names(material.rows["case"].tolist())

@@ -80,7 +80,6 @@ def encode_track(track: AgentTrack, tolerance_m: float) -> str:
     """Return a track as text: steps of time, x and y as zigzag varints in base64.
 
     Args:
-        track: The track.
         tolerance_m: How far a place that is interpolated between two kept ones may be off at any time [m].
     """
     keep = _kept(track.t_s, track.xy_m, tolerance_m)
@@ -120,7 +119,6 @@ def encode_gas(team: Sequence[AgentTrack], end_s: float, full_ppm: float) -> str
     """Return the gas at the noses of a team over time as hexadecimal digits, 0 none to f full; empty without any.
 
     Args:
-        team: Tracks of the agents.
         end_s: End of the flight [s].
         full_ppm: What the highest level stands for [ppm].
     """

@@ -70,11 +70,7 @@ def apply_entry(
 
     Args:
         scenario: Of the case; its first agent's vehicle, sensors and mode are those that entries get.
-        name: What the suite calls the scenario.
-        entry: The method.
-        card: Its card, if it has one.
         directory: Where the entry's relative paths start.
-        scenario_dir: Where the scenario's do.
         is_sandboxed: Whether its program has to be a process in a sandbox.
         has_sensor_holds: Whether its vehicle holds as long as its slowest gas sensor takes to respond.
     """

@@ -223,12 +223,7 @@ class CaseFamily:
 
 
 def read_family(source: str | Path, *, check: Callable[[FamilySpec], Iterable[Problem]] = lambda _: ()) -> CaseFamily:
-    """Read and check a family.
-
-    Args:
-        source: A file, or the name of a bundled family.
-        check: Finds more problems.
-    """
+    """Read and check a family."""
     path = find_family(source)
     shown_path = str(source) if Path(source).is_file() else str(path)
     spec = read_spec_file(path, FamilySpec, shown_path=shown_path, keys="scenario and seeds", check=check)

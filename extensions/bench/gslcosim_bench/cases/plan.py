@@ -331,10 +331,8 @@ def build_plan(
     """Return the plan of a suite.
 
     Args:
-        loaded: The suite.
         wants: Whether a trial is wanted. To resolve what an entry flies takes most of the time; ids, seeds and order
             are the same whatever else is wanted.
-        progress: Receives how far it is.
     """
     owned = list(expand_cases(loaded))
     sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
@@ -389,7 +387,6 @@ def build_plan_of_rows(
     """Return the plan of a suite with the trials of some rows of results; the whole one where it lacks some of them.
 
     Args:
-        loaded: The suite.
         rows: Rows as `trials.parquet` has them.
         wants: Whether another trial is wanted too.
     """

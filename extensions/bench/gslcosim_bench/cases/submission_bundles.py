@@ -89,7 +89,6 @@ def load_submission(folder: Path, *, shown_path: Path | None = None) -> Submissi
     """Return the submission file of a folder.
 
     Args:
-        folder: The folder.
         shown_path: What errors call it where files are missing; absent: the folder.
     """
     path = folder / SUBMISSION_FILE
@@ -193,7 +192,6 @@ def pack_bundle(folder: Path, out: Path) -> Bundle:
     """Write the bundle of a folder.
 
     Args:
-        folder: Folder with the submission file.
         out: The file; an earlier one is replaced.
     """
     submission = load_submission(folder)
@@ -267,12 +265,7 @@ def _add_file(tar: tarfile.TarFile, path: Path, name: str) -> None:
 
 
 def unpack_bundle(path: Path, below: Path) -> Bundle:
-    """Unpack a bundle into a folder named after it and its hash; one that is there already is taken as it is.
-
-    Args:
-        path: The file.
-        below: Where the folder is made.
-    """
+    """Unpack a bundle into a folder named after it and its hash; one that is there already is taken as it is."""
     expected = f"{path}: expected a bundle of gslcosim bench pack"
     try:
         content = read_regular_file(path, max_bytes=2 * _MAX_BYTES)
@@ -374,8 +367,6 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
     Args:
         bundles: Their folders lie in `below`.
         suite: File of the suite whose cases are taken.
-        name: Name of the new one.
-        below: Folder of the new file.
     """
     names = [bundle.submission.entry.name for bundle in bundles]
     if twice := next((each for each in names if names.count(each) > 1), None):
@@ -413,10 +404,7 @@ def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: P
     """Unpack and build bundles beside results, and write the suite that flies them.
 
     Args:
-        paths: The bundles.
         suite: File of the suite whose cases are taken.
-        name: Name of the suite that is written.
-        results: Folder of the results.
         builds: Whether their build recipes may run.
     """
     below = results.parent / _BUNDLES

@@ -20,7 +20,6 @@ def find_scenario_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
     """Yield a problem for each scenario of a suite that is not there.
 
     Args:
-        suite: What the file holds.
         directory: Its folder, where relative paths start.
     """
     for i, spec in enumerate(suite.scenarios):
@@ -44,7 +43,6 @@ def find_entry_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
     Whether an entry has the sensors that its method needs depends on the scenario, and is checked case by case.
 
     Args:
-        suite: What the file holds.
         directory: Its folder, where relative paths start.
     """
     for i, entry in enumerate(suite.entries):

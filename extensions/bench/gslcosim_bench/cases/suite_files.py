@@ -54,7 +54,6 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
     A command that is found on the system's path counts by its name alone.
 
     Args:
-        entry: The entry.
         directory: Where its relative paths start.
     """
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
@@ -112,8 +111,6 @@ def trial_id(scenario: Scenario, room: str, entry: str, agent: str) -> str:
     Args:
         scenario: As resolved.
         room: The key of its environment, see `get_environment_key`.
-        entry: The entry's name.
-        agent: The hash of its program.
     """
     values = _without_paths(plain_values(scenario), scenario)
     values.pop("recording", None)
@@ -187,7 +184,6 @@ def load_suite(
     """Read and check a suite, with all that it includes.
 
     Args:
-        source: A file, or the name of a bundled suite.
         seed: Replaces the suite's seed, and that of the suites it includes.
         commitment: That of the seed, where it is secret: `write_suite` then writes it in place of the seed.
         is_flown: Whether its scenarios and the programs of its entries have to be there.
@@ -270,7 +266,6 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
     A scenario that names files of its own, such as stored gas, is named by its absolute path instead.
 
     Args:
-        loaded: The suite.
         folder: Where; it is made, and written over.
 
     Raises:

@@ -76,10 +76,7 @@ def format_tuning(tuning: "TuningResult", folder: Path, pages: Sequence[Path], p
     """Return the result of a tuning as text.
 
     Args:
-        tuning: It.
-        folder: Where its files are.
         pages: Reports of training and, where there was one, of validation.
-        parameters: The best setting as YAML.
     """
     return "\n".join(
         [

@@ -27,8 +27,6 @@ def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> 
     """Return the text of a plan.
 
     Args:
-        plan: The plan.
-        trials: Those of its trials that are meant.
         n_workers: How many would fly at the same time.
     """
     from gslcosim_bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace

@@ -89,9 +89,6 @@ def verify_here(
     """Run trials of results again where the command line asks for, and compare them with their rows.
 
     Args:
-        arguments: Of the command line.
-        again: The results.
-        trials: Which of their trials.
         contents: The `results_hash` of their folder, from before its signature was checked.
     """
     from gslcosim_bench.execution.verification import check_confinable, verify_trials

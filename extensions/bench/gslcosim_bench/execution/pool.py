@@ -151,7 +151,6 @@ class LocalPool:
         """Start the workers.
 
         Args:
-            n_workers: How many.
             limits: What a job may take; preparing has no limit of time.
         """
         self.n_workers = n_workers

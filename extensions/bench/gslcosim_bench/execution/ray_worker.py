@@ -252,7 +252,6 @@ class RayWorker:
         """Start the process.
 
         Args:
-            limits: What a job may take.
             fetch: Gets the files of a bundle from the cluster.
         """
         self._pool = LocalPool(1, limits)
@@ -269,8 +268,6 @@ class RayWorker:
         """Do a job with the files, the room and the tape of this node; what is missing is made or unpacked here.
 
         Args:
-            job: What to do.
-            bundle: The files that it reads.
             parcel: What `fetch` makes their contents of.
         """
         try:

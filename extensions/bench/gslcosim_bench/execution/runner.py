@@ -55,9 +55,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
     """Return the content of `manifest.json`.
 
     Args:
-        plan: What was to be run.
         sessions: The wall times of each call that flew some of it.
-        recorded: The trials that have a recording.
     """
     suite = plan.loaded.suite
     names = {entry.spec.name for entry in plan.entries}
@@ -154,8 +152,6 @@ def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], kee
     of its successes by time. Controls and runs without result are left out.
 
     Args:
-        trials: All that were run.
-        rows: Their rows by id.
         keep: Words of `record.keep`.
     """
     chosen: set[str] = set()
@@ -245,7 +241,6 @@ def describe_changes(plan: Plan, manifest: Mapping[str, Any]) -> tuple[str, ...]
     """Return in words what differs between a plan and the manifest of earlier results.
 
     Args:
-        plan: What is to be run.
         manifest: That of the results folder; empty where it has none.
     """
     before = {entry["name"]: entry for entry in manifest.get("entries", ())}
@@ -298,16 +293,12 @@ class SuiteRun:
         """Prepare to run.
 
         Args:
-            plan: What to fly.
-            folder: Where results go.
             start_pool: Starts the workers; not called when there is nothing to fly.
-            selection: Which of the plan's trials.
             shard: Which part of these; all if absent.
             flies_failures_again: Whether trials without result are run again.
             keeps_pool: Whether the workers are left running, for what else their owner has for them.
             confirm_put_aside: Receives which rows are of another version before they are moved aside, and returns
                 whether to go on.
-            report: Receives progress reports.
         """
         self._plan = plan
         self._folder = folder
@@ -671,7 +662,6 @@ def run(
         folder: Where results go; the same call goes on where it stopped.
         jobs: How many worker processes; one for each core if absent.
         only: Which trials, as `--only` has it: `["entry=surge_*", "scenario=gsl_bench_3"]`.
-        report: Receives progress reports.
 
     Raises:
         ScenarioError: the suite is wrong.

@@ -226,8 +226,6 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
     """Return the row of a trial that brought no result, and why.
 
     Args:
-        trial: Which.
-        environment_hash: Of its room.
         status: `crashed`, `hung`, `out_of_memory` or `fault`.
         fault: What is known of it, with the end of its log.
     """

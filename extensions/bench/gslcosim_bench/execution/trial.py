@@ -71,7 +71,6 @@ def build_map(trial: Trial, environment_dir: Path, *, varied: str) -> dict[str, 
 
     Args:
         trial: One with gas; its tape is recorded now if there is none.
-        environment_dir: The folder of its room.
         varied: What of the case the map holds for, as JSON; `{}`: for all of the scenario.
     """
     scenario, environment = trial.resolved, load_environment(environment_dir)
@@ -180,13 +179,7 @@ class EnvironmentCache:
 
 
 def run_trial(trial: Trial, environment_dir: Path, rooms: EnvironmentCache) -> TrialResult:
-    """Run a trial.
-
-    Args:
-        trial: What to fly.
-        environment_dir: The folder of its room.
-        rooms: Those that are loaded.
-    """
+    """Run a trial."""
     began = time.perf_counter()
     scenario = trial.resolved
     later_rooms = prepare_variants(scenario, scenario_dir=trial.directory)
@@ -222,12 +215,7 @@ def run_trial(trial: Trial, environment_dir: Path, rooms: EnvironmentCache) -> T
 
 
 def record_trial(trial: Trial, runs_dir: Path) -> RunResult:
-    """Run a trial with a recording and leave a run directory of its own.
-
-    Args:
-        trial: What to fly.
-        runs_dir: Where the run directory is made.
-    """
+    """Run a trial with a recording and leave a run directory of its own."""
     scenario = trial.resolved
     scenario = scenario.model_copy(update={"recording": scenario.recording.model_copy(update={"enabled": True})})
     loaded = LoadedScenario(

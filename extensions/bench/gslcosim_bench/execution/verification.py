@@ -60,7 +60,6 @@ def check_confinable(trials: Sequence[Trial], folder: Path, *, is_trusted: bool 
     """Refuse to run trials of somebody else whose programs could not be confined, before any of them is started.
 
     Args:
-        trials: The trials.
         folder: The results that they are of; their programs lie in it, or come with gslcosim or the system.
         is_trusted: Whether programs do as they like: then nothing is refused but variables of this process.
     """
@@ -94,7 +93,6 @@ def check_bundles(plan: Plan, roots: Mapping[str, Path]) -> None:
     """Refuse to fly bundles whose programs would see more than their own files, before any of them is started.
 
     Args:
-        plan: Of the suite that flies them.
         roots: Where each bundle is unpacked, by the name of its entry.
     """
     for entry in plan.loaded.suite.entries:
@@ -225,7 +223,6 @@ class RepeatableResults:
         """Read the folder.
 
         Args:
-            folder: The folder.
             load: Reads its suite; that of sealed results needs the secret.
         """
         folder.check()
@@ -278,7 +275,6 @@ def draw_trials(trials: Iterable[str], n: int, *, seed: str, places: Mapping[str
     """Return n trials, those whose places have the smallest SHA-256 behind a seed: a draw that any program can repeat.
 
     Args:
-        trials: Ids of trials, in any order.
         n: How many; all where there are fewer.
         seed: Any text. The hash is of the seed, a line feed and the place.
         places: Place of each trial in its suite; absent: its id.
@@ -300,9 +296,6 @@ def verify_trials(
 
     Args:
         again: The folder; nothing is written to it.
-        trials: Which of its runs.
-        pool: Who flies.
-        report: Receives how many of how many are done.
         contents: The `results_hash` of the folder before anything was read of it; absent: as it is now.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
     """
@@ -358,9 +351,6 @@ def record_trial_again(
     """Run a trial again with a recording; return its run directory and its digest.
 
     Args:
-        again: The folder.
-        trial: Which of its runs.
-        pool: Who flies.
         is_trusted: Whether its programs are started as the suite says, and a recording that is there is taken for its
             own; otherwise they are in a sandbox, and what is there is replaced.
     """

@@ -44,7 +44,6 @@ def score_belief(belief: Belief, sources_m: Sequence[Vec3], *, within_m: float) 
     """Return all figures of a belief.
 
     Args:
-        belief: A probability for each cell.
         sources_m: The sources, world frame [m]; of several the nearest counts, and the one believed most.
         within_m: The success radius [m].
 
@@ -119,7 +118,6 @@ def resample_belief(p: ArrayLike, cell_m: float, new_cell_m: float) -> Array:
     """Return a belief on cells of another size with the same origin; within a cell its probability is spread evenly.
 
     Args:
-        p: The belief.
         cell_m: Edge of its cells [m].
         new_cell_m: Edge of the cells to bring it to [m].
 

@@ -12,8 +12,6 @@ def as_series(name: str, values: ArrayLike, *, n: int | None = None) -> Array:
     """Return (n,) values as floats.
 
     Args:
-        name: What the message calls them.
-        values: At least one number.
         n: How many there must be; absent: any number.
     """
     series = np.asarray(values, dtype=np.float64)

@@ -75,8 +75,6 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
     """Return the causes of difficulty of each case.
 
     Args:
-        material: What was run.
-        rooms: The rooms that it was run in.
         cells: (n,) indices of the cases, as in `TrialRows`.
     """
     rows = material.rows

@@ -96,7 +96,6 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
     `localisation_roc`, `beliefs` and `belief_distance`, and `response_PARAMETER_FIGURE` for parameters that vary.
 
     Args:
-        view: What they show.
         limit_s: The longest time limit [s].
     """
     time = ChartAxis(label="time [s]", name="by", low=0.0, high=limit_s, format="seconds")

@@ -26,12 +26,7 @@ class Conclusions:
 
 
 def describe_conclusions(analysis: Analysis, view: ReportView) -> Conclusions:
-    """Return what the figures over some of the cases allow to say.
-
-    Args:
-        analysis: Of the results.
-        view: All cases, or some of them.
-    """
+    """Return what the figures over some of the cases allow to say."""
     if not view.pairs:
         return Conclusions(holds=(), limits=("There are no two entries with flights in common to compare.",))
     material = analysis.material
@@ -92,12 +87,7 @@ def _describe_certainty(material: ReportData, view: ReportView) -> str:
 
 
 def describe_units(material: ReportData, view: ReportView) -> str:
-    """Return what intervals of a view draw, in words: whole rooms, whole plumes or flights, and within what.
-
-    Args:
-        material: What was run.
-        view: All cases, or some of them.
-    """
+    """Return what intervals of a view draw, in words: whole rooms, whole plumes or flights, and within what."""
     units, within = view.units, _find_stratum(material, view)
     place = f"within {within}" if within else "of all cases together"
     if units.level == "rooms":

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from gslcosim.base.untrusted_input import JsonObject, parse_json
 from gslcosim_bench.report.leaderboard import paired_rows, sampling_units
 from gslcosim_bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim_bench.statistics.aggregates import stratified_bootstrap
-from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate
+from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate, bootstrap_mean
 from gslcosim_bench.statistics.rates import rate_over_units, rates_over_units, wilson
 from gslcosim_bench.statistics.roc import Roc, localisation_roc, roc
 from gslcosim_bench.statistics.times import (
@@ -114,8 +113,7 @@ def success_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, 
     lines: list[CurveWithBand] = []
     for entry, some in rows_by_entry(material, within):
         units = sampling_units(rows, some)
-        c = cumulative_success(rows.time_s[some], rows["success"][some], at_s, units=units)
-        lines.append(_line(entry, c))
+        lines.append(_line(entry, cumulative_success(rows.time_s[some], rows["success"][some], at_s, units)))
     return tuple(lines)
 
 
@@ -156,8 +154,8 @@ def profile_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, 
         if not own.size:
             continue
         times_s = np.where(rows["success"][own], rows.time_s[own], math.inf)
-        p = performance_profile(times_s, rows.time_s[best], factors, units=sampling_units(rows, own))
-        lines.append(CurveWithBand(entry=entry, x=factors, value=p.value, low=p.low, high=p.high, n=p.n))
+        profile = performance_profile(times_s, rows.time_s[best], factors, sampling_units(rows, own))
+        lines.append(_line(entry, profile))
     return tuple(lines)
 
 
@@ -174,9 +172,7 @@ def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Cu
         for column, radius in enumerate(RADII_M):
             reached = np.isfinite(met_s[:, column])
             time_s = np.where(reached, met_s[:, column], rows["time_limit_s"][some])
-            lines[radius].append(
-                _line(entry, cumulative_success(time_s, reached, at_s, units=sampling_units(rows, some)))
-            )
+            lines[radius].append(_line(entry, cumulative_success(time_s, reached, at_s, sampling_units(rows, some))))
     return {key: tuple(found) for key, found in lines.items()}
 
 
@@ -201,8 +197,7 @@ def error_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, ..
 
 
 def _line(entry: int, curve: Curve) -> CurveWithBand:
-    c = curve
-    return CurveWithBand(entry=entry, x=c.at_s, value=c.value, low=c.low, high=c.high, n=c.n)
+    return CurveWithBand(entry=entry, x=curve.at, value=curve.value, low=curve.low, high=curve.high, n=curve.n)
 
 
 def summarise_declarations(material: ReportData, within: Flags) -> tuple[DeclarationCounts, ...]:
@@ -311,7 +306,7 @@ def summarise_final_beliefs(material: ReportData, within: Flags) -> tuple[FinalB
 def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
     some = some[np.isfinite(rows[column][some])]
     units = sampling_units(rows, some)
-    return stratified_bootstrap(rows[column][some], units.stratum, clusters=units.clusters)
+    return bootstrap_mean(rows[column][some], units.stratum, clusters=units.clusters)
 
 
 def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[CurveWithBand, ...]]:
@@ -340,7 +335,7 @@ def _mean_at(values: Floats, rows: TrialRows, some: Ints) -> Estimate:
     if known.sum() * 2 < values.size:
         return UNDEFINED
     units = sampling_units(rows, some[known])
-    return stratified_bootstrap(values[known], units.stratum, clusters=units.clusters, n_draws=_FEWER_DRAWS)
+    return bootstrap_mean(values[known], units.stratum, clusters=units.clusters, n_draws=_FEWER_DRAWS)
 
 
 def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> CurveWithBand:

@@ -6,12 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslcosim_bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim_bench.statistics.aggregates import (
-    bootstrap_cells,
-    bootstrap_worst_quarter,
-    stratified_bootstrap,
-)
-from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
+from gslcosim_bench.statistics.aggregates import bootstrap_cells, bootstrap_worst_quarter
+from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate, bootstrap, encode_labels
 from gslcosim_bench.statistics.ranking import EntryComparison, compare_entries
 from gslcosim_bench.statistics.rates import lift, lift_over_units, pool_design_effect, rate_over_units
 from gslcosim_bench.statistics.sampling_units import SamplingUnits, find_sampling_units
@@ -69,7 +65,6 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[Leader
     """Return the rows of all entries that flew, highest score first, and the comparison that ranks follow from.
 
     Args:
-        material: What was run.
         within: (n,) which rows count.
     """
     rows = material.rows
@@ -92,9 +87,7 @@ def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> En
     """Return the comparison of entries in score and success, in one family; its pairs have indices of entries.
 
     Args:
-        rows: All rows.
         within: (n,) which count; runs without gas do not.
-        entries: Which are compared.
     """
     score, some = build_matrix(rows, within, entries, rows.score)
     success, _ = build_matrix(rows, within, entries, rows["success"].astype(np.float64))
@@ -110,12 +103,7 @@ def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> En
 
 
 def sampling_units(rows: TrialRows, chosen: Ints) -> SamplingUnits:
-    """Return what is drawn of some rows: whole rooms, whole plumes or single runs.
-
-    Args:
-        rows: All rows.
-        chosen: Indices of some.
-    """
+    """Return what is drawn of some rows: whole rooms, whole plumes or single runs."""
     return find_sampling_units(rows.rooms[chosen], rows.gas[chosen], rows.cells[chosen])
 
 
@@ -154,22 +142,12 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints, effect: float) -> Leade
 
 
 def median_with_interval(values: Floats) -> Estimate:
-    """Return the median with its bootstrap interval.
-
-    Args:
-        values: (n,) finite.
-    """
-    return stratified_bootstrap(values, None, lambda drawn: np.median(drawn, axis=-1), n_draws=1000)
+    """Return the median of (n,) finite values with its bootstrap interval."""
+    return bootstrap(values.size, lambda rows: np.median(values[rows], axis=-1), n_draws=1000)
 
 
 def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    """Return success less luck, over whole rooms or plumes; over single runs paired where every run has its control.
-
-    Args:
-        rows: All rows.
-        chosen: Runs of an entry with gas.
-        controls: Runs of it without.
-    """
+    """Return success less luck, over whole rooms or plumes; over single runs paired where every run has its control."""
     if not len(controls) or not len(chosen):
         return UNDEFINED
     both = np.concatenate([chosen, controls])
@@ -201,9 +179,7 @@ def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values:
     """Return values by pair and entry, (n_units, n_entries), nan where one has not run, and a row of each unit.
 
     Args:
-        rows: All rows.
         within: (n,) which count; runs without gas do not.
-        entries: Which columns.
         values: (n,) of all rows.
     """
     chosen = np.flatnonzero(within & ~rows.is_control & np.isin(rows.entry, entries))

@@ -44,11 +44,7 @@ class LineStyle:
 
 
 def render_page(analysis: Analysis) -> str:
-    """Return the page as HTML.
-
-    Args:
-        analysis: The figures that it shows.
-    """
+    """Return the page as HTML."""
     environment = build_environment([FOLDER])
     return environment.get_template("report.html").render(
         **build_page_values(analysis),

@@ -188,7 +188,6 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None, *,
     """Read a folder of results.
 
     Args:
-        results_dir: The folder.
         mark: What was found out by running a sample again; absent: what this user's state has of it.
         with_gas: Whether the tracks have the gas at the nose too.
     """

@@ -222,7 +222,6 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
     """Write the CSV tables: numbers in full, a row of names first, empty where there is no value.
 
     Args:
-        analysis: The figures that they hold.
         folder: Where to; made if need be.
     """
     folder.mkdir(exist_ok=True)

@@ -1,12 +1,10 @@
 """Aggregates over cells (environment, source, start), with whole sampling units resampled."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from gslcosim_bench.statistics.estimates import (
-    LEVEL,
     N_DRAWS,
     SEED,
     UNDEFINED,
@@ -14,56 +12,10 @@ from gslcosim_bench.statistics.estimates import (
     Seed,
     as_finite_row,
     bootstrap,
-    bootstrap_mean,
     check_same_length,
     draw_weights,
     encode_labels,
 )
-
-Statistic = Callable[[np.ndarray], np.ndarray]
-"""From (d, m) samples to (d,)."""
-
-
-def stratified_bootstrap(
-    values: np.ndarray,
-    strata: np.ndarray | None,
-    statistic: Statistic | None = None,
-    *,
-    clusters: np.ndarray | None = None,
-    rng: Seed = SEED,
-    n_draws: int = N_DRAWS,
-    level: float = LEVEL,
-) -> Estimate:
-    """Return the mean, or another statistic, of trials with an interval from trials drawn again inside each stratum.
-
-    Entries whose rows have the same strata and clusters in the same order get the same draws, and so stay paired.
-
-    Args:
-        values: (n,) one per trial.
-        strata: (n,) label of the cell of each trial; None: one cell.
-        statistic: From (d, m) samples to (d,); None: the mean, in which each stratum keeps its weight.
-        clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one; None: each for itself.
-        rng: Seed or generator of the draws.
-        n_draws: Bootstrap samples.
-        level: Confidence level, 0 to 1.
-
-    Source:
-        Agarwal et al. 2021, arXiv:2108.13264, with the ends of `estimates.percentile_interval`.
-    Held by:
-        extensions/bench/tests/unit/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
-    """
-    values = as_finite_row(values, "values")
-    if statistic is None:
-        return bootstrap_mean(values, strata=strata, clusters=clusters, level=level, seed=rng, n_draws=n_draws)
-    return bootstrap(
-        values.size,
-        lambda rows: statistic(values[rows]),
-        strata=strata,
-        clusters=clusters,
-        level=level,
-        seed=rng,
-        n_draws=n_draws,
-    )
 
 
 def bootstrap_cells(
@@ -74,7 +26,6 @@ def bootstrap_cells(
     strata: np.ndarray | None = None,
     rng: Seed = SEED,
     n_draws: int = N_DRAWS,
-    level: float = LEVEL,
 ) -> Estimate:
     """Return the mean over cells of the mean of each: each cell counts the same, however many trials it has.
 
@@ -86,9 +37,6 @@ def bootstrap_cells(
         cells: (n,) label of the cell of each trial.
         clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one.
         strata: (n,) label of what is drawn from apart; None: one stratum.
-        rng: Seed or generator of the draws.
-        n_draws: Bootstrap samples.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The estimate; n counts trials.
@@ -106,7 +54,6 @@ def bootstrap_cells(
         lambda rows: weighted[rows].sum(axis=1) / share[rows].sum(axis=1),
         strata=strata,
         clusters=clusters,
-        level=level,
         seed=rng,
         n_draws=n_draws,
     )
@@ -128,8 +75,6 @@ def bootstrap_worst_quarter(
     Args:
         values: (n,) one per trial.
         cells: (n,) label of the cell of each trial.
-        clusters: As in `bootstrap_cells`.
-        strata: As in `bootstrap_cells`.
     """
     values = as_finite_row(values, "values")
     check_same_length(values=values, cells=cells)

@@ -167,7 +167,6 @@ def fit_discrimination(
         successes: (n_cells, n_entries) counts.
         trials: (n_cells, n_entries) counts; 0 where an entry did not fly.
         strata: Label of each cell.
-        level: Confidence level, 0 to 1.
 
     Returns:
         One for each stratum, in the order in which they come.

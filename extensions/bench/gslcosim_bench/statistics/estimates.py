@@ -96,7 +96,7 @@ def make_generator(seed: Seed) -> np.random.Generator:
     return seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
 
 
-def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | None = None) -> tuple[float, float]:
+def percentile_interval(draws: np.ndarray, freedom: int | None = None) -> tuple[float, float]:
     """Return the ends of the expanded percentile bootstrap interval.
 
     They leave Phi(-t) of the draws on each side, t Student's quantile: what 0.025 of Student's distribution is in the
@@ -105,7 +105,6 @@ def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | 
 
     Args:
         draws: (n_draws,) the statistic of each bootstrap sample; nan (undefined in that sample) is left out.
-        level: Confidence level, 0 to 1.
         freedom: Degrees of freedom of the spread; 0: nothing is known of it, so no interval. None: endless.
 
     Source:
@@ -115,7 +114,7 @@ def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | 
     known = np.sort(draws[~np.isnan(draws)])
     if known.size == 0 or freedom == 0:
         return math.nan, math.nan
-    share = (1.0 - level) / 2.0 if freedom is None else normal_tail(student_quantile(0.5 + level / 2.0, freedom))
+    share = (1.0 - LEVEL) / 2.0 if freedom is None else normal_tail(student_quantile(0.5 + LEVEL / 2.0, freedom))
     tail = math.floor(share * known.size)
     return float(known[tail]), float(known[known.size - 1 - tail])
 
@@ -149,20 +148,16 @@ def bootstrap(
     *,
     strata: np.ndarray | None = None,
     clusters: np.ndarray | None = None,
-    level: float = LEVEL,
     seed: Seed = SEED,
     n_draws: int = N_DRAWS,
 ) -> Estimate:
     """Return a statistic of rows with its percentile bootstrap interval.
 
     Args:
-        n: Rows.
         statistic: From (d, m) indices of rows to the (d,) statistic of each of the d samples.
         strata: (n,) labels; each stratum is drawn from apart. None: one stratum.
         clusters: (n,) labels; rows of a cluster are drawn together. None: each row for itself.
-        level: Confidence level, 0 to 1.
         seed: Of the draws. Calls with the same seed, strata and clusters draw the same rows.
-        n_draws: Bootstrap samples.
 
     Returns:
         The estimate; without interval where no stratum has two clusters (or rows).
@@ -172,29 +167,25 @@ def bootstrap(
     value = float(statistic(np.arange(n)[None, :])[0])
     chunks = iterate_row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
     draws = np.concatenate([np.asarray(statistic(rows), dtype=np.float64) for rows in chunks])
-    return Estimate(
-        value, *percentile_interval(draws, level, degrees_of_freedom(n, strata=strata, clusters=clusters)), n
-    )
+    return Estimate(value, *percentile_interval(draws, degrees_of_freedom(n, strata=strata, clusters=clusters)), n)
 
 
 def bootstrap_mean(
     values: np.ndarray,
-    *,
     strata: np.ndarray | None = None,
+    *,
     clusters: np.ndarray | None = None,
-    level: float = LEVEL,
     seed: Seed = SEED,
     n_draws: int = N_DRAWS,
 ) -> Estimate:
-    """Return the mean of values with its bootstrap interval, in which each stratum keeps its weight.
+    """Return the mean of (n,) finite values with its bootstrap interval, in which each stratum keeps its weight.
 
-    Args:
-        values: (n,) finite.
-        strata: As in `bootstrap`.
-        clusters: As in `bootstrap`.
-        level: Confidence level, 0 to 1.
-        seed: Of the draws.
-        n_draws: Bootstrap samples.
+    Entries whose rows have the same strata and clusters in the same order get the same draws, and so stay paired.
+
+    Source:
+        Agarwal et al. 2021, arXiv:2108.13264, with the ends of `percentile_interval`.
+    Held by:
+        extensions/bench/tests/unit/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
     """
     values = as_finite_row(values, "values")
     if not values.size:
@@ -205,7 +196,7 @@ def bootstrap_mean(
     else:
         weighted = weight * values
         statistic = lambda rows: weighted[rows].sum(axis=1) / weight[rows].sum(axis=1)  # noqa: E731
-    drawn = bootstrap(values.size, statistic, strata=strata, clusters=clusters, level=level, seed=seed, n_draws=n_draws)
+    drawn = bootstrap(values.size, statistic, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
     return replace(drawn, value=float(values.mean()))
 
 
@@ -236,11 +227,8 @@ def iterate_row_draws(
     from together, so that the cluster stays whole.
 
     Args:
-        n: Rows.
         strata: (n,) labels, or None.
         clusters: (n,) labels, or None.
-        seed: Of the draws.
-        n_draws: Samples in total.
 
     Yields:
         (d, m) indices of rows; the d sum up to `n_draws`.
@@ -264,16 +252,9 @@ def degrees_of_freedom(n: int, *, strata: np.ndarray | None = None, clusters: np
     return sum(max(len(group) - 1, 0) for group in _groups(n, strata, clusters))
 
 
-def draw_counts(
-    n: int,
-    *,
-    strata: np.ndarray | None = None,
-    clusters: np.ndarray | None = None,
-    seed: Seed = SEED,
-    n_draws: int = N_DRAWS,
-) -> Iterator[np.ndarray]:
+def draw_counts(n: int, *, clusters: np.ndarray | None = None, n_draws: int = N_DRAWS) -> Iterator[np.ndarray]:
     """Yield how often each row was drawn, (d, n), for the samples of `iterate_row_draws`."""
-    for rows in iterate_row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws):
+    for rows in iterate_row_draws(n, clusters=clusters, n_draws=n_draws):
         slot = rows + n * np.arange(len(rows))[:, None]
         yield np.bincount(slot.ravel(), minlength=n * len(rows)).reshape(len(rows), n).astype(np.float64)
 

@@ -99,11 +99,9 @@ def compare_entries(
         figures: (n_flights, n_entries) each, in the same order; nan where an entry has no result.
         ranked_by: The figure that verdicts and ranks are of.
         lower_is_better: True where that is a time, False for successes and scores.
-        units: Of the flights.
         cases: (n_flights,) case of each, 0 on; each case counts the same. None: each flight does.
         level: Confidence level of the whole family, 0 to 1.
         limit: Largest difference that is possible; intervals end there.
-        seed: Of the signs.
         n_signs: Drawn patterns; up to twelve units all patterns are gone through.
 
     Source:
@@ -166,9 +164,7 @@ def estimate_means(
 
     Args:
         values: (n, m) a row per flight; nan where there is none.
-        units: Of the flights.
         cases: (n,) case of each, 0 on; None: each flight counts the same.
-        level: Confidence level, 0 to 1.
         bounds: What the ends cannot exceed.
     """
     means = compute_means(values, units, cases)

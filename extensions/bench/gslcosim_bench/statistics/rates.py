@@ -10,7 +10,6 @@ from gslcosim_bench.statistics.estimates import (
     LEVEL,
     UNDEFINED,
     Estimate,
-    beta_quantile,
     check_same_length,
     student_quantile,
     two_sided_z,
@@ -19,19 +18,19 @@ from gslcosim_bench.statistics.sampling_units import SamplingUnits, compute_mean
 
 
 def wilson(successes: int, n: int, level: float = LEVEL) -> Estimate:
-    """Return a rate with Wilson's interval: the one that is shown.
+    """Return a rate with Wilson's interval.
 
     (p + z^2/2n ± z sqrt(p (1 - p) / n + z^2/4n^2)) / (1 + z^2/n)        p = successes / n, z normal quantile
 
     Args:
         successes: 0 to n.
         n: Trials; undefined for 0.
-        level: Confidence level, 0 to 1.
 
     Source:
         Wilson 1927, doi:10.1080/01621459.1927.10502953, without continuity correction.
     """
-    _check_counts(successes, n)
+    if not 0 <= successes <= n:
+        raise ShapeError(f"successes: expected 0 to n = {n}, was {successes}. Give counts of the same trials.")
     if n == 0:
         return UNDEFINED
     p, z = successes / n, two_sided_z(level)
@@ -42,35 +41,8 @@ def wilson(successes: int, n: int, level: float = LEVEL) -> Estimate:
     return Estimate(p, low, high, n)
 
 
-def clopper_pearson(successes: int, n: int, level: float = LEVEL) -> Estimate:
-    """Return a rate with the exact interval: for claims of "at least" and for 0 or n successes.
-
-    It covers at least as often as stated for every true rate, and is therefore wider than Wilson's.
-
-    Args:
-        successes: 0 to n.
-        n: Trials; undefined for 0.
-        level: Confidence level, 0 to 1.
-
-    Source:
-        Clopper and Pearson 1934, doi:10.1093/biomet/26.4.404, as quantiles of beta distributions.
-    """
-    _check_counts(successes, n)
-    if n == 0:
-        return UNDEFINED
-    tail = (1.0 - level) / 2.0
-    low = 0.0 if successes == 0 else beta_quantile(tail, successes, n - successes + 1)
-    high = 1.0 if successes == n else beta_quantile(1.0 - tail, successes + 1, n - successes)
-    return Estimate(successes / n, low, high, n)
-
-
-def _check_counts(successes: int, n: int) -> None:
-    if not 0 <= successes <= n:
-        raise ShapeError(f"successes: expected 0 to n = {n}, was {successes}. Give counts of the same trials.")
-
-
 def rates_over_units(
-    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL, *, effect: float = math.nan
+    outcomes: np.ndarray, units: SamplingUnits, *, effect: float = math.nan
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rates over cases with Wilson's intervals for as many flights as whole units are worth.
 
@@ -82,8 +54,6 @@ def rates_over_units(
 
     Args:
         outcomes: (n, m) a row per flight.
-        units: Of the n flights.
-        level: Confidence level, 0 to 1.
         effect: Design effect where a rate is 0 or 1; nan: that of the other columns, or, without any, as if each unit
             was one flight.
 
@@ -102,7 +72,7 @@ def rates_over_units(
         unknown = np.full(m, math.nan)
         return unknown, unknown, unknown
     p, variance, alone = _rates_and_variances(outcomes, units)
-    z, most = two_sided_z(level), _independent_size(units)
+    z, most = two_sided_z(LEVEL), _independent_size(units)
     size = np.full(m, most)
     if units.level != "flights":
         if units.freedom < 1:
@@ -113,7 +83,7 @@ def rates_over_units(
             effect = float(variance[spread].sum() / alone[spread].sum()) if spread.any() else math.inf
         size[spread] = np.minimum(most * alone[spread] / variance[spread], most)
         size[~spread] = min(max(most / effect, units.n), most)
-        size = size * (z / student_quantile(0.5 + level / 2.0, units.freedom)) ** 2
+        size = size * (z / student_quantile(0.5 + LEVEL / 2.0, units.freedom)) ** 2
     # With a variance of all there can be, p (1 - p), a rate stands on one flight at least.
     size = np.maximum(size, 1.0)
     centre = (p + z * z / (2 * size)) / (1 + z * z / size)
@@ -121,14 +91,12 @@ def rates_over_units(
     return p, np.where(p <= 0.0, 0.0, centre - half), np.where(p >= 1.0, 1.0, centre + half)
 
 
-def rate_over_units(
-    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL, *, effect: float = math.nan
-) -> Estimate:
+def rate_over_units(outcomes: np.ndarray, units: SamplingUnits, *, effect: float = math.nan) -> Estimate:
     """Return one rate of `rates_over_units`; `outcomes` are (n,)."""
     outcomes = np.asarray(outcomes, dtype=bool)
     if not outcomes.size:
         return UNDEFINED
-    value, low, high = (float(part[0]) for part in rates_over_units(outcomes[:, None], units, level, effect=effect))
+    value, low, high = (float(part[0]) for part in rates_over_units(outcomes[:, None], units, effect=effect))
     return Estimate(value, low, high, outcomes.size)
 
 
@@ -163,14 +131,13 @@ def _independent_size(units: SamplingUnits) -> float:
     return float(1.0 / (weight**2).sum())
 
 
-def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = LEVEL) -> Estimate:
+def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool) -> Estimate:
     """Return the rate of success with a source less that of luck in the no-source controls.
 
     Args:
         success: (n,) whether each trial with a source came near it.
         luck: (m,) whether each control, without gas, came near the place where the source would be.
         paired: Whether trial i and control i are the same case with the same seeds; then n = m.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The lift, -1 to 1; n counts pairs, or trials and controls together.
@@ -183,18 +150,16 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
     success, luck = np.asarray(success, dtype=bool), np.asarray(luck, dtype=bool)
     if paired:
         check_same_length(success=success, luck=luck)
-        return paired_difference_of_rates(success, luck, level)
-    return difference_of_rates(int(success.sum()), success.size, int(luck.sum()), luck.size, level)
+        return paired_difference_of_rates(success, luck)
+    return difference_of_rates(int(success.sum()), success.size, int(luck.sum()), luck.size)
 
 
-def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUnits, level: float = LEVEL) -> Estimate:
+def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUnits) -> Estimate:
     """Return the lift over cases, with Student's interval over whole units, each with its trials and its controls.
 
     Args:
         outcomes: (n,) whether each trial or control came near the source, or the place where it would be.
         is_luck: (n,) which of them are controls.
-        units: Of all n.
-        level: Confidence level, 0 to 1.
 
     Returns:
         The lift; n counts trials and controls together; no interval where units show no spread.
@@ -205,7 +170,7 @@ def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUn
     if units.freedom < 1 or math.isnan(value):
         return Estimate(value, math.nan, math.nan, len(both)) if not math.isnan(value) else UNDEFINED
     spread = math.sqrt(float(((means.residual[:, 0] - means.residual[:, 1]) ** 2).sum()))
-    half = student_quantile(0.5 + level / 2.0, units.freedom) * max(spread, 1.0 / len(both))
+    half = student_quantile(0.5 + LEVEL / 2.0, units.freedom) * max(spread, 1.0 / len(both))
     return Estimate(value, max(value - half, -1.0), min(value + half, 1.0), len(both))
 
 
@@ -213,13 +178,6 @@ def difference_of_rates(successes_a: int, n_a: int, successes_b: int, n_b: int, 
     """Return the difference of two independent rates, p_a - p_b, with Newcombe's interval.
 
     d - sqrt((p_a - l_a)^2 + (u_b - p_b)^2)   to   d + sqrt((u_a - p_a)^2 + (p_b - l_b)^2)       l, u Wilson's ends
-
-    Args:
-        successes_a: Successes of a.
-        n_a: Trials of a.
-        successes_b: Successes of b.
-        n_b: Trials of b.
-        level: Confidence level, 0 to 1.
 
     Source:
         Newcombe 1998, doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I, method 10.
@@ -235,7 +193,7 @@ def subtract_rates(a: Estimate, b: Estimate) -> Estimate:
     return _squared_and_added(a, b, 0.0, a.n + b.n) if a.n and b.n else UNDEFINED
 
 
-def paired_difference_of_rates(a: np.ndarray, b: np.ndarray, level: float = LEVEL) -> Estimate:
+def paired_difference_of_rates(a: np.ndarray, b: np.ndarray) -> Estimate:
     """Return the difference of two rates over the same cases, p_a - p_b, with Newcombe's paired interval.
 
     As `difference_of_rates` with - 2 phi (p_a - l_a) (u_b - p_b) below the root, phi the correlation of the outcomes.
@@ -243,7 +201,6 @@ def paired_difference_of_rates(a: np.ndarray, b: np.ndarray, level: float = LEVE
     Args:
         a: (n,) outcomes of one.
         b: (n,) outcomes of the other in the same cases.
-        level: Confidence level, 0 to 1.
 
     Source:
         Newcombe 1998, doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C, method 10 (phi with
@@ -253,7 +210,7 @@ def paired_difference_of_rates(a: np.ndarray, b: np.ndarray, level: float = LEVE
     check_same_length(a=a, b=b)
     if a.size == 0:
         return UNDEFINED
-    rate_a, rate_b = (wilson(int(outcomes.sum()), a.size, level) for outcomes in (a, b))
+    rate_a, rate_b = (wilson(int(outcomes.sum()), a.size) for outcomes in (a, b))
     return _squared_and_added(rate_a, rate_b, _correlation(a, b), a.size)
 
 

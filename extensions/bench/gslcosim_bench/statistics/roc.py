@@ -38,13 +38,12 @@ class Roc:
     n_negative: int
 
 
-def roc(score: np.ndarray, is_positive: np.ndarray, level: float = LEVEL) -> Roc:
+def roc(score: np.ndarray, is_positive: np.ndarray) -> Roc:
     """Return the ROC curve of confidences and its area.
 
     Args:
         score: (n,) highest confidence that was declared in each run, 0 where nothing was.
         is_positive: (n,) whether the room had a source.
-        level: Confidence level of the area, 0 to 1.
 
     Returns:
         The curve; the area is undefined without both kinds of runs. Its interval is DeLong's on the logit scale, and
@@ -57,10 +56,10 @@ def roc(score: np.ndarray, is_positive: np.ndarray, level: float = LEVEL) -> Roc
     """
     score, is_positive = as_finite_row(score, "score"), np.asarray(is_positive, dtype=bool)
     check_same_length(score=score, is_positive=is_positive)
-    return _curve(score[is_positive], score[~is_positive], level)
+    return _curve(score[is_positive], score[~is_positive])
 
 
-def localisation_roc(score: np.ndarray, is_positive: np.ndarray, is_near: np.ndarray, level: float = LEVEL) -> Roc:
+def localisation_roc(score: np.ndarray, is_positive: np.ndarray, is_near: np.ndarray) -> Roc:
     """Return the ROC curve in which a source counts as found only if the declared place is near it.
 
     A run with a source that is declared elsewhere, or nowhere, is called positive at no threshold, so the curve ends at
@@ -70,7 +69,6 @@ def localisation_roc(score: np.ndarray, is_positive: np.ndarray, is_near: np.nda
         score: (n,) highest confidence that was declared in each run, 0 where nothing was.
         is_positive: (n,) whether the room had a source.
         is_near: (n,) whether the place declared with that confidence is within the success radius of the source.
-        level: Confidence level of the area, 0 to 1.
 
     Source:
         Starr et al. 1975, doi:10.1148/116.3.533; Swensson 1996, doi:10.1118/1.597758.
@@ -79,14 +77,14 @@ def localisation_roc(score: np.ndarray, is_positive: np.ndarray, is_near: np.nda
     is_near = np.asarray(is_near, dtype=bool)
     check_same_length(score=score, is_positive=is_positive, is_near=is_near)
     localised = np.where(is_near, score, -math.inf)
-    return _curve(localised[is_positive], score[~is_positive], level)
+    return _curve(localised[is_positive], score[~is_positive])
 
 
-def _curve(positive: np.ndarray, negative: np.ndarray, level: float) -> Roc:
+def _curve(positive: np.ndarray, negative: np.ndarray) -> Roc:
     every = np.concatenate([positive, negative])
     threshold = np.concatenate([[math.inf], np.unique(every[np.isfinite(every)])[::-1]])
     false_positive, true_positive = (_share_from(kind, threshold) for kind in (negative, positive))
-    area = _area(positive, negative, level)
+    area = _area(positive, negative)
     return Roc(threshold, false_positive, true_positive, area, positive.size, negative.size)
 
 
@@ -97,7 +95,7 @@ def _share_from(scores: np.ndarray, threshold: np.ndarray) -> np.ndarray:
     return 1.0 - np.searchsorted(np.sort(scores), threshold) / scores.size
 
 
-def _area(positive: np.ndarray, negative: np.ndarray, level: float) -> Estimate:
+def _area(positive: np.ndarray, negative: np.ndarray) -> Estimate:
     from scipy import special
 
     m, n = positive.size, negative.size
@@ -109,8 +107,8 @@ def _area(positive: np.ndarray, negative: np.ndarray, level: float) -> Estimate:
         float(shares.var(ddof=1)) / shares.size if shares.size > 1 else 0.0 for shares in (of_positive, of_negative)
     ]
     if not 0.0 < area < 1.0 or sum(spreads) == 0.0:
-        return Estimate(area, *_newcombe(area, m, n, level), m + n)
-    half = two_sided_z(level) * math.sqrt(sum(spreads)) / (area * (1.0 - area))
+        return Estimate(area, *_newcombe(area, m, n), m + n)
+    half = two_sided_z(LEVEL) * math.sqrt(sum(spreads)) / (area * (1.0 - area))
     logit = math.log(area / (1.0 - area))
     low, high = special.expit([logit - half, logit + half]).tolist()
     return Estimate(area, low, high, m + n)
@@ -124,8 +122,8 @@ def _beaten(scores: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 # Both areas t with (area - t)^2 = z^2 V(t), V after Hanley and McNeil 1982 with (m + n) / 2 for both numbers of runs.
-def _newcombe(area: float, m: int, n: int, level: float) -> tuple[float, float]:
-    z, more = two_sided_z(level), (m + n) / 2.0 - 1.0
+def _newcombe(area: float, m: int, n: int) -> tuple[float, float]:
+    z, more = two_sided_z(LEVEL), (m + n) / 2.0 - 1.0
 
     def is_outside(t: float) -> bool:
         variance = t * (1.0 - t) / (m * n) * (1.0 + more * (1.0 - t) / (2.0 - t) + more * t / (1.0 + t))

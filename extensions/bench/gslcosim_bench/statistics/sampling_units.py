@@ -160,7 +160,6 @@ def compute_means(
 
     Args:
         values: (n, m) a row per flight; nan where there is none.
-        units: Of the n flights.
         cases: (n,) case of each flight, 0 on; None: each flight counts the same.
 
     Source:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim_bench.statistics.aggregates import stratified_bootstrap
-from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_bench.statistics.estimates import Estimate, bootstrap_mean
 from gslcosim_bench.statistics.pairs import paired_difference, sign_flip
 from gslcosim_bench.statistics.rates import rate_over_units
 from gslcosim_bench.statistics.sampling_units import SamplingUnits, find_sampling_units
@@ -73,9 +72,7 @@ def compute_figures(runs: SettingRuns) -> SettingFigures:
         n=runs.score.size,
         n_without_result=runs.n_without_result,
         success=rate_over_units(runs.success, runs.units),
-        score=_with_spread(
-            stratified_bootstrap(runs.score, runs.units.stratum, clusters=runs.units.clusters), runs.score
-        ),
+        score=_with_spread(bootstrap_mean(runs.score, runs.units.stratum, clusters=runs.units.clusters), runs.score),
         time_s=restricted_mean(
             runs.time_s, runs.success, runs.limit_s, clusters=runs.units.clusters, cells=runs.units.case
         ),

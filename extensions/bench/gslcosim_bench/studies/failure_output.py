@@ -138,7 +138,6 @@ def write_failures(search: FailureSearch, folder: Path, films: Mapping[str, Path
     """Write `failures.md`, `failures.html` and the pictures of a search into its folder; return the page.
 
     Args:
-        search: The search.
         folder: The folder with its rows, tracks and maps.
         films: Films of cases, by the name of the case.
     """
@@ -263,7 +262,6 @@ def draw_failures(folder: Path, outcomes: Sequence[CaseOutcome]) -> dict[str, by
 
     Args:
         folder: Folder with the maps and tracks of its runs.
-        outcomes: The cases.
     """
     results = ResultsFolder(folder)
     maps = {each["scenario"]: each for each in results.read_json(results.maps).get("maps", [])}

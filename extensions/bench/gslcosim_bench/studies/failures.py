@@ -214,15 +214,9 @@ class FailureFinder:
         """Prepare to search.
 
         Args:
-            method: A bundled method or a Python file.
-            space: Where failures are sought.
             budget: Runs in all, those of the oracle included.
-            seed: Of all that is drawn.
-            folder: Where rows go.
             start_pool: Starts the workers; not called when there is nothing to fly.
             sensors_by_method: Whether the method flies with the sensors of its card instead of the scenario's.
-            confirm_put_aside: As of `SuiteRun`.
-            report: Receives the progress of runs.
             tell: Receives how the search stands, after each batch.
         """
         if budget < 4 * BATCH:
@@ -460,7 +454,6 @@ def compute_contrasts(space: SearchSpace, outcomes: Sequence[CaseOutcome]) -> li
     thirds. The tests are Fisher's exact ones, of which there are many: they order the list and prove nothing.
 
     Args:
-        space: Its factors.
         outcomes: Of random cases, which alone are drawn evenly.
     """
     found: list[Contrast] = []

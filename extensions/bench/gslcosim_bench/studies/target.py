@@ -157,7 +157,6 @@ def find_method_entry(name: str, *, option: str) -> EntrySpec:
     """Return the entry of a bundled method or a Python file.
 
     Args:
-        name: Its name or file.
         option: What of the command line names it, for the error.
     """
     entry = _bundled_or_file(name)
@@ -207,8 +206,6 @@ def build_study_suite(subject: StudyTarget, entries: Sequence[EntrySpec], *, nam
     Without anchors, controls and recordings: settings are compared with each other.
 
     Args:
-        subject: The method and its cases.
-        entries: The settings.
         name: What the suite is called; cut where too long.
     """
     bare = with_changed_fields(
@@ -223,10 +220,6 @@ def restrict_cases(loaded: LoadedSuite, chosen: Collection[str]) -> LoadedSuite:
     """Return a suite of some of a suite's cases, with their names, seeds and plumes: planning the others takes time.
 
     Each scenario becomes a suite that is included, whose values go together instead of multiplying.
-
-    Args:
-        loaded: The suite.
-        chosen: Names of cases.
     """
     parts: dict[tuple[Path, str], tuple[LoadedSuite, list[Case]]] = {}
     n_cases = 0
@@ -299,10 +292,7 @@ def with_disjoint_seeds(
     seed = derive_seed(suite's seed, purpose, number), and with 1, 2, ... behind it should any run's seed be taken
 
     Args:
-        subject: The method and its cases.
         purpose: For example `training`.
-        number: Distinguishes several of one purpose.
-        repetitions: Of each case.
         taken: Seeds that may not occur, see `collect_seeds`.
     """
     fixed = next((case for _, case in expand_cases(subject.loaded) if case.seed is not None), None)

@@ -92,10 +92,8 @@ def build_evaluation_plan(
     All cases are run equally often. What is left over goes to cases of all scenarios in turn, at random within each.
 
     Args:
-        subject: The method and its cases.
         purpose: `training` or `validation`; part of the seeds.
         number: Seed of the tuning; part of the seeds, and of the lot.
-        n: Runs of each setting.
         taken: Seeds that may not occur.
     """
     rounds = 1
@@ -217,8 +215,6 @@ class OptunaSearch:
         """Begin a study.
 
         Args:
-            ranges: What is searched.
-            seed: Of all that is drawn.
             log: Where the study is kept; what stands there is replaced.
         """
         self._optuna = load_optuna()
@@ -305,10 +301,6 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
     A setting flies half the square root of the budget, 2 at least: as the budget grows, settings get more in number
     and better known at the same rate. A fifth of it is kept for validation, where best and default fly as often as a
     setting at least.
-
-    Args:
-        runs: All runs.
-        per_setting: Runs of each setting, if given.
     """
     k = per_setting if per_setting is not None else max(2, round(math.sqrt(flights) / 2))
     budget = Budget(flights=flights, per_setting=k, per_validation=max(k, flights // 10))
@@ -440,14 +432,8 @@ class Tuner:
         """Prepare to tune.
 
         Args:
-            subject: The method and its cases.
-            ranges: What is searched.
-            budget: How many runs.
             seed: Of the search, and part of the seeds of all its runs.
-            folder: Where everything is kept.
             start_pool: Starts the workers; not called when there is nothing to fly.
-            confirm_put_aside: As of `SuiteRun`.
-            report: Receives the status of the run.
             tell: Receives how the search stands, after each batch.
         """
         self._subject = subject

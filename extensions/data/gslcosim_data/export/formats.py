@@ -15,11 +15,9 @@ def extract_run(run: RunData, folder: Path, to: str, progress: Progress = lambda
     """Write a run in another program's format.
 
     Args:
-        run: What to write.
         folder: Where; a new folder or an empty one.
         to: The name of a registered exporter of runs. `parquet` and `csv` write a table for each stream and a
             dictionary of all columns, `netcdf` and `zarr` the gas and the wind on their grids.
-        progress: Receives what is being written.
 
     Returns:
         The files that were written.

@@ -24,9 +24,7 @@ def write_tables(
     """Write a file for each stream of a run, the pictures of its cameras, and what each column means.
 
     Args:
-        run: What to write.
         folder: Where; it exists.
-        to: The format.
         progress: Receives the name of each table before it is written.
 
     Returns:

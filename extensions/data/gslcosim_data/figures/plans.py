@@ -34,7 +34,6 @@ def plan(axes: Any, run: RunData) -> None:
 
     Args:
         axes: Where to draw, x to the right and y up [m].
-        run: The run.
     """
     draw_plan(axes, PlanView.of(run.environment, run.scenario.slice_height_m))
 
@@ -61,8 +60,6 @@ def gas_on_plan(axes: Any, run: RunData, *, time_s: float | None = None, gas: st
     """Draw the gas at search height on a logarithmic scale.
 
     Args:
-        axes: Where to draw.
-        run: The run.
         time_s: When [s]; by default the mean over all snapshots is drawn.
         gas: Which gas; by default the one that is searched for.
 
@@ -95,8 +92,6 @@ def ground_track(axes: Any, run: RunData, *, gas: bool = True) -> Any:
     """Draw plan, gas, sources with the success radius, and of each agent track, waypoints, start and first contact.
 
     Args:
-        axes: Where to draw.
-        run: The run.
         gas: Whether to draw the gas, its mean over the run.
 
     Returns:
@@ -135,10 +130,6 @@ def swarm_tracks(axes: Any, run: RunData) -> Any:
 
 def tracks_of_runs(axes: Any, runs: Mapping[str, RunData]) -> Any:
     """Draw the tracks of several runs of one room over the plan and the gas of the first; each method has a look.
-
-    Args:
-        axes: Where to draw.
-        runs: By label.
 
     Returns:
         What a colour bar of the gas is made of, or None.
@@ -186,7 +177,6 @@ def success_by_start(
     """Draw how often the source was found from each start: the share of each disc that is filled, and the per cent.
 
     Args:
-        axes: Where to draw.
         xy_m: (k, 2) starts [m].
         rate: (k,) shares of runs that found the source.
         n: (k,) runs.
@@ -261,8 +251,6 @@ def wind_section(axes: Any, run: RunData, *, normal: Literal["y", "z"] = "z", ti
     """Draw speed and direction of the wind in a plane through the first source.
 
     Args:
-        axes: Where to draw.
-        run: The run.
         normal: `z`: the layer at search height; `y`: the vertical plane along x.
         time_s: When [s].
 
@@ -306,8 +294,6 @@ def gas_section(axes: Any, run: RunData, *, time_s: float | None = None) -> Any:
     (Farrell et al. 2002), as in `gslcosim_services.fields`; what lies behind walls is drawn as if they were not there.
 
     Args:
-        axes: Where to draw.
-        run: A run whose gas is of filaments.
         time_s: When [s]; by default the last snapshot.
 
     Returns:
@@ -373,10 +359,6 @@ def belief(axes: Any, run: RunData, agent: str, i: int, *, most: float | None = 
     """Draw an agent's i-th belief over the plan, and where the agent was.
 
     Args:
-        axes: Where to draw.
-        run: The run.
-        agent: Whose belief.
-        i: Which of its beliefs.
         most: The probability of a cell that is darkest; by default the belief's greatest. Colours go with the square
             root, as in the recording.
 

@@ -63,7 +63,6 @@ def distance_bundle(
     A run that has ended keeps its last distance.
 
     Args:
-        axes: Where to draw.
         bundles: By label the runs: times [s] and distances [m] of each.
         radius_m: The success radius [m].
         looks: By label colour and line style, where they are not those of `style.get_line_style`.

@@ -118,9 +118,7 @@ def matplotlib_for(what: str, *, install: str = "gslcosim-data[plot]", otherwise
     """Return matplotlib.
 
     Args:
-        what: What needs it.
         install: The distribution with its extra that brings it.
-        otherwise: What one can do without it.
 
     Raises:
         UsageError: it is not installed.

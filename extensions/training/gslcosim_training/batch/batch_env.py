@@ -85,7 +85,6 @@ class BatchActions:
         """Take the next actions.
 
         Args:
-            actions: Of all searches.
             searches: (n,) records of `SEARCH`.
             cases: Records of `CASE`, to which those of the searches point.
             upwind: (n, 2) unit vectors, world frame, where actions are in the wind frame.
@@ -135,7 +134,6 @@ def cumulate_case_fractions(weights: Any, n_cases: int) -> NDArray[np.float64] |
 
     Args:
         weights: One for each case, not negative, not all 0; or None.
-        n_cases: How many cases.
 
     Raises:
         UsageError: the weights are not such numbers.

@@ -77,7 +77,6 @@ def find_batch_refusal(scenario: Scenario, flying: str = EXACT) -> str | None:
     """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing.
 
     Args:
-        scenario: The scenario.
         flying: One of `FLYING`: how its vehicle is to fly.
     """
     for key, expected, found in list_batch_misfits(scenario, flying):
@@ -89,7 +88,6 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
     """Yield what keeps a scenario from being batched: its key, what is expected there, and what was found.
 
     Args:
-        scenario: The scenario.
         flying: One of `FLYING`: how its vehicle is to fly.
     """
     if len(scenario.agents) != 1:
@@ -279,11 +277,8 @@ def prepare_cases(
     """Prepare cases: their rooms, starts, gas and sensors.
 
     Args:
-        loaded: At least one scenario, places drawn.
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
         flying: One of `FLYING`.
-        report: Receives how many of how many are prepared.
-        action: The kind of actions.
     """
     if not loaded:
         raise UsageError("cases: expected at least one scenario, was none.")

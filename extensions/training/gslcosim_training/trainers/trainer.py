@@ -155,7 +155,6 @@ def run_searches(
 
     Args:
         envs: A `BatchSearchEnv` with a search for each policy and case.
-        policies: All with the same observations.
         cases: Which cases, (k,).
         seeds: Of gas and noise, (k,): the same for all policies.
         places: Where the policies' observations stand in those of `envs`.
@@ -217,7 +216,6 @@ class Curriculum:
 
         Args:
             infos: What a batch returns of a step, or its `final_info` where searches begin again at once.
-            ends: Which searches have ended.
         """
         ended = infos.get("final_info", infos)
         if missing := [name for name in _NEEDED if name not in ended]:

@@ -82,7 +82,6 @@ def farthest_distance(name: str, scores: Sequence[PlumeScores]) -> tuple[int | N
 
     Args:
         name: Of a figure of `PlumeScores`.
-        scores: Of each distance.
     """
     low, high = PUBLISHED[name]
     values = [getattr(each, name).value for each in scores]

@@ -43,8 +43,6 @@ def solve_leak(box: LeakBox, case: LeakCase, n_cells: int, *, has_buoyancy: bool
     """Solve one leak: gas rises as a plume narrower than cells, air leaves and enters through the holes.
 
     Args:
-        box: The box and its rake.
-        case: Leak and holes.
         n_cells: Along the box's length.
         has_buoyancy: Otherwise the gas drives nothing and spreads as our filaments do, to the end of the release.
     """

@@ -31,7 +31,6 @@ def solve_room(room: RoomProfiles, n_cells: int, *, has_sides: bool) -> tuple[ND
     """Solve the mean wind, and return its x-component on faces (nx + 1, ny, nz) [m/s] and the edge of a cell [m].
 
     Args:
-        room: Geometry and inlet.
         n_cells: Of the room's height.
         has_sides: Half the room from one side wall to the middle plane; else a slice without side walls.
     """
@@ -71,7 +70,6 @@ def wind_on_line(u_m_s: NDArray[np.float32], cell_m: float, line: ProfileLine) -
     Args:
         u_m_s: On faces, the last row along y beside the middle plane.
         cell_m: Edge of a cell [m].
-        line: Where.
     """
     plane = np.pad(u_m_s[:, -1].astype(np.float64), ((0, 0), (1, 1)))
     n_x, n_z = plane.shape

@@ -60,7 +60,6 @@ def solve_step(flow: StepFlow, n_cells: int, turbulence: Turbulence) -> StepWind
     Args:
         flow: Geometry and profiles; the first profile, before the step, is the inlet.
         n_cells: Of the step's height.
-        turbulence: Model.
     """
     before = [profile for profile in flow.profiles if profile.x_over_h < 0]
     if not before:

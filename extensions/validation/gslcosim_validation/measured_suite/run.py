@@ -66,9 +66,7 @@ def choose_entries(only: Sequence[str], agents: Sequence[str], data_dir: Path) -
     """Return the entries whose names match one of the patterns; all where there is no pattern.
 
     Args:
-        only: The patterns.
         agents: What `find_agent_entries` makes entries of beside the default agents.
-        data_dir: Folder of the logs.
     """
 
     def is_chosen(name: str) -> bool:
@@ -95,12 +93,9 @@ def run_measured(
     """Run entries on the logs of a folder, and write a folder of results.
 
     Args:
-        data_dir: Folder of measured data.
         folder: Of the results; what it has of this suite is replaced.
-        only: Patterns for names of entries.
         agents: Agents that take part beside the bundled entries: names, Python files, suites.
         has_report: Whether to write `report.html` too.
-        progress: Receives a text and the fraction done.
     """
     from gslcosim_bench.report.writer import write_report
     from gslcosim_validation.measured_suite.page import write_page

@@ -71,10 +71,6 @@ class LogScore:
 def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
     """Score the claims of an estimator on a log.
 
-    Args:
-        case: The log with its truth.
-        claims: Of the estimator.
-
     Source:
         Exact and partly as Daniels, Jia and Hammerling 2024, Elementa, score places; the rest is ours.
     """

@@ -52,11 +52,7 @@ def build_error(path: Path, where: str, *, expected: str, found: str, remedy: st
     """Return an error about a place in a file.
 
     Args:
-        path: The file.
         where: The place in it, such as `column wind_speed_m_s`; empty: the whole.
-        expected: What should be there.
-        found: What is there.
-        remedy: What to do, a whole sentence.
     """
     place = f"{path.parent.name}/{path.name}" + (f", {where}" if where else "")
     problem = Problem(where=place, expected=expected, found=found, remedy=remedy)
@@ -85,7 +81,6 @@ class Columns:
         """Return a column of numbers; an empty field is nan.
 
         Args:
-            name: Of the column.
             allow_gaps: Whether fields may be empty.
         """
         self.require([name])
@@ -154,7 +149,6 @@ class Columns:
         """Return the times unchanged; raise unless they rise, with no gap longer than is allowed.
 
         Args:
-            name: Of the column, for errors.
             values: (n,) times [s].
             may_repeat: Whether two rows may share a time.
             longest_gap_s: The longest step between two rows [s].
@@ -235,7 +229,6 @@ def read_columns(path: Path, *, must_have_rows: bool = True) -> Columns:
     """Return the columns of a CSV file, gzipped where its name ends with .gz.
 
     Args:
-        path: The file.
         must_have_rows: Whether a header alone is an error.
     """
     try:

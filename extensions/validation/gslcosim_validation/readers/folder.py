@@ -105,11 +105,7 @@ class MeasuredData:
 
 
 def read_measured(folder: Path | str) -> MeasuredData:
-    """Return what measured data a folder holds: a folder with sets in folders of their own, or one set.
-
-    Args:
-        folder: The folder.
-    """
+    """Return what measured data a folder holds: a folder with sets in folders of their own, or one set."""
     root = Path(folder)
     if not root.is_dir():
         found = "a file" if root.exists() else "nothing"

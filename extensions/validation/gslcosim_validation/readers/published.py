@@ -8,12 +8,7 @@ from gslcosim_validation.readers.documents import read_document
 
 
 def read_published(path: Path, entry_id: str) -> dict[str, Any]:
-    """Return the values of one entry.
-
-    Args:
-        path: The file.
-        entry_id: Its id.
-    """
+    """Return the values of one entry."""
     entries = read_document(path).get("entries")
     ids = [each.get("id") for each in entries if isinstance(each, dict)] if isinstance(entries, list) else []
     if entry_id not in ids:

@@ -8,14 +8,14 @@ from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.aggregates import (
     bootstrap_cells,
     bootstrap_worst_quarter,
-    stratified_bootstrap,
 )
+from gslcosim_bench.statistics.estimates import bootstrap_mean
 from gslcosim_bench.statistics.pairs import paired_difference
 
 
 def test_bootstrap_of_a_mean_agrees_with_scipy():
     values = np.random.default_rng(0).gamma(2.0, size=120)
-    ours = stratified_bootstrap(values, None)
+    ours = bootstrap_mean(values)
     theirs = stats.bootstrap((values,), np.mean, method="percentile", rng=1).confidence_interval
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.03)
     assert ours.value == pytest.approx(values.mean())
@@ -26,9 +26,9 @@ def test_differences_between_strata_do_not_widen_the_interval():
     rng = np.random.default_rng(1)
     strata = np.repeat([0, 1], 50)
     values = 100.0 * strata + rng.normal(size=100)
-    ours = stratified_bootstrap(values, strata)
+    ours = bootstrap_mean(values, strata)
     assert ours.high - ours.low == pytest.approx(2 * 1.96 / math.sqrt(100), rel=0.2)
-    assert stratified_bootstrap(values, None).high - ours.low > 5.0
+    assert bootstrap_mean(values).high - ours.low > 5.0
 
 
 def test_entries_with_the_same_cells_get_the_same_draws():
@@ -43,12 +43,12 @@ def test_entries_with_the_same_cells_get_the_same_draws():
 def test_each_cell_counts_the_same():
     values, cells = np.array([1.0, 1.0, 1.0, 0.0]), np.array(["a", "a", "a", "b"])
     assert bootstrap_cells(values, cells).value == pytest.approx(0.5)
-    assert stratified_bootstrap(values, cells).value == pytest.approx(0.75)
+    assert bootstrap_mean(values, cells).value == pytest.approx(0.75)
 
 
 def test_cells_of_equal_size_need_no_weights():
     values, cells = np.random.default_rng(3).normal(size=60), np.tile(np.arange(6), 10)
-    ours, rows = bootstrap_cells(values, cells, strata=cells), stratified_bootstrap(values, cells)
+    ours, rows = bootstrap_cells(values, cells, strata=cells), bootstrap_mean(values, cells)
     assert (ours.value, ours.low, ours.high) == pytest.approx((rows.value, rows.low, rows.high))
 
 
@@ -57,7 +57,7 @@ def test_a_cell_counts_as_often_as_its_room_was_drawn():
     rooms = np.repeat(np.arange(8), 5)
     values = rooms + np.random.default_rng(4).normal(size=40)
     ours = bootstrap_cells(values, rooms, clusters=rooms)
-    alone = stratified_bootstrap(np.array([values[rooms == room].mean() for room in range(8)]), None)
+    alone = bootstrap_mean(np.array([values[rooms == room].mean() for room in range(8)]), None)
     assert (ours.value, ours.low, ours.high) == pytest.approx((alone.value, alone.low, alone.high))
 
 
@@ -78,7 +78,7 @@ def test_strata_of_few_clusters_keep_their_weight():
     strata = case // 2
     for ours in (
         bootstrap_cells(values, case, clusters=plume, strata=strata),
-        stratified_bootstrap(values, strata, clusters=plume),
+        bootstrap_mean(values, strata, clusters=plume),
         paired_difference(values, np.zeros(26), clusters=plume, strata=strata),
     ):  # fmt: skip
         assert ours.low < ours.value < ours.high
@@ -87,8 +87,8 @@ def test_strata_of_few_clusters_keep_their_weight():
 
 
 def test_what_is_undefined_or_refused():
-    assert math.isnan(stratified_bootstrap(np.array([]), None).value)
+    assert math.isnan(bootstrap_mean(np.array([]), None).value)
     assert math.isnan(bootstrap_cells(np.array([]), np.array([])).value)
     assert math.isnan(bootstrap_worst_quarter(np.array([]), np.array([])).value)
     with pytest.raises(ShapeError, match="rows 3, labels 2"):
-        stratified_bootstrap(np.zeros(3), np.zeros(2))
+        bootstrap_mean(np.zeros(3), np.zeros(2))

@@ -6,8 +6,6 @@ from scipy import stats
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.pairs import (
-    holm,
-    mcnemar,
     mean_ranks,
     paired_difference,
     sign_flip,
@@ -16,29 +14,6 @@ from gslcosim_bench.statistics.pairs import (
 # Heights of cross- and self-fertilised maize, Darwin 1876, differences in eighths of an inch.
 DARWIN = np.array([49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48.0])
 NOTHING = np.zeros(15)
-
-
-def pairs_of(both, only_a, only_b, none):
-    a = np.repeat([True, True, False, False], [both, only_a, only_b, none])
-    b = np.repeat([True, False, True, False], [both, only_a, only_b, none])
-    return a, b
-
-
-@pytest.mark.parametrize("table", [(101, 121, 59, 33), (5, 0, 0, 5), (1, 7, 1, 0), (0, 3, 3, 0), (10, 0, 6, 2)])
-@pytest.mark.extras
-def test_mcnemar_agrees_with_statsmodels(table):
-    from statsmodels.stats.contingency_tables import mcnemar as mcnemar_of_statsmodels
-
-    both, only_a, only_b, none = table
-    ours = mcnemar(*pairs_of(*table))
-    theirs = mcnemar_of_statsmodels([[both, only_a], [only_b, none]], exact=True).pvalue
-    assert ours.p == pytest.approx(min(1.0, theirs), rel=1e-12)
-    assert (ours.n, ours.only_a, ours.only_b) == (sum(table), only_a, only_b)
-
-
-def test_mcnemar_of_thousands_of_pairs():
-    ours = mcnemar(*pairs_of(0, 2600, 2400, 0))
-    assert ours.p == pytest.approx(stats.binomtest(2400, 5000).pvalue, rel=1e-9)
 
 
 def test_sign_flip_of_darwins_maize():
@@ -93,26 +68,6 @@ def test_what_cannot_be_paired_is_refused():
         paired_difference(np.zeros(2), np.zeros(3))
     with pytest.raises(ShapeError, match="finite"):
         sign_flip(np.array([math.nan]), np.zeros(1))
-
-
-@pytest.mark.extras
-def test_holm_agrees_with_statsmodels():
-    from statsmodels.stats.multitest import multipletests
-
-    p = np.array([0.01, 0.04, 0.03, 0.005, 0.5, 0.5, 0.9])
-    assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
-
-
-def test_holm_of_a_worked_example():
-    """Four p values 0.01, 0.04, 0.03, 0.005: times 4, 3, 2, 1 in ascending order, then made to ascend."""
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-
-
-def test_holm_does_not_count_what_could_not_be_tested():
-    corrected = holm([0.02, math.nan, 0.01])
-    assert corrected[[0, 2]] == pytest.approx([0.02, 0.02])
-    assert math.isnan(corrected[1])
-    assert holm([]).size == 0
 
 
 def test_equal_values_share_their_rank():

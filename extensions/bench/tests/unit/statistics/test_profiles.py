@@ -5,13 +5,23 @@ import pytest
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.rates import wilson
+from gslcosim_bench.statistics.sampling_units import find_sampling_units
 from gslcosim_bench.statistics.times import performance_profile, runtime_distribution
+
+TAU = np.array([1.0, 2.0, 5.0, 10.0])
+
+
+def single(n):
+    """Units of n flights, each for itself."""
+    return find_sampling_units(*[np.zeros(n)] * 3)
 
 
 def test_profile_of_a_hand_computed_example():
     """Four scenarios, once as fast as the oracle, once twice as slow, once eight times, once never."""
-    ours = performance_profile(np.array([10.0, 40.0, 80.0, math.inf]), np.array([10.0, 20.0, 10.0, 5.0]))
-    assert list(ours.tau) == [1, 2, 5, 10]
+    ours = performance_profile(
+        np.array([10.0, 40.0, 80.0, math.inf]), np.array([10.0, 20.0, 10.0, 5.0]), TAU, single(4)
+    )
+    assert list(ours.at) == [1, 2, 5, 10]
     assert ours.value == pytest.approx([0.25, 0.5, 0.5, 0.75])
     assert (ours.low[1], ours.high[1]) == pytest.approx((wilson(2, 4).low, wilson(2, 4).high))
     assert ours.n == 4
@@ -21,20 +31,20 @@ def test_a_profile_tends_to_the_rate_of_success():
     rng = np.random.default_rng(0)
     reference = rng.uniform(10, 20, 50)
     times = np.where(rng.random(50) < 0.6, reference * rng.uniform(1, 30, 50), math.inf)
-    ours = performance_profile(times, reference, np.array([1.0, 3.0, 1e6]))
+    ours = performance_profile(times, reference, np.array([1.0, 3.0, 1e6]), single(50))
     assert np.all(np.diff(ours.value) >= 0)
     assert ours.value[-1] == pytest.approx(np.mean(np.isfinite(times)))
 
 
 def test_an_oracle_without_time_is_refused():
     with pytest.raises(ShapeError, match="above 0 s, the least is 0"):
-        performance_profile(np.array([1.0]), np.array([0.0]))
+        performance_profile(np.array([1.0]), np.array([0.0]), TAU, single(1))
     with pytest.raises(ShapeError, match="finite"):
-        performance_profile(np.array([1.0]), np.array([math.inf]))
+        performance_profile(np.array([1.0]), np.array([math.inf]), TAU, single(1))
 
 
 def test_a_profile_of_no_scenario_is_undefined():
-    assert np.all(np.isnan(performance_profile(np.array([]), np.array([])).value))
+    assert np.all(np.isnan(performance_profile(np.array([]), np.array([]), TAU, find_sampling_units([], [], [])).value))
 
 
 def test_runtime_distribution_of_a_hand_computed_example():

@@ -5,19 +5,16 @@ import pytest
 from scipy import stats
 
 from gslcosim.base.errors import ShapeError
+from gslcosim_bench.statistics.sampling_units import find_sampling_units
 from gslcosim_bench.statistics.times import (
     cumulative_success,
     expected_running_time,
-    kaplan_meier,
     mean_of_successes,
     median_time,
     restricted_mean,
 )
 
 LIMIT_S = 300.0
-# Weeks of remission under 6-MP and placebo, Freireich et al. 1963.
-MP_WEEKS = np.array([6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35.0])
-MP_ENDED = np.array([1, 1, 1, 0, 1, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0], dtype=bool)
 
 
 def flights(n=60, seed=0, mean_s=250.0):
@@ -25,41 +22,12 @@ def flights(n=60, seed=0, mean_s=250.0):
     return np.minimum(time_s, LIMIT_S), time_s < LIMIT_S
 
 
-def test_kaplan_meier_of_the_leukaemia_trial():
-    """S as published for 6-MP (Kleinbaum and Klein 2012); at 6: 0.857, 23: 0.448."""
-    curve = kaplan_meier(MP_WEEKS, MP_ENDED, np.array([0.0, 5.9, 6.0, 7, 10, 13, 16, 22, 23, 35]))
-    published = [1.0, 1.0, 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448, 0.448]
-    assert curve.value == pytest.approx(published, abs=6e-4)
-
-
-@pytest.mark.parametrize("level", [0.95, 0.8])
-@pytest.mark.extras
-def test_kaplan_meier_and_its_band_agree_with_lifelines(level):
-    from lifelines import KaplanMeierFitter
-
-    at_s = np.array([6.5, 10, 22, 23, 34.0])
-    fitter = KaplanMeierFitter(alpha=1 - level).fit(MP_WEEKS, MP_ENDED)
-    curve = kaplan_meier(MP_WEEKS, MP_ENDED, at_s, level)
-    band = fitter.confidence_interval_.loc[[6.0, 10, 22, 23, 34]].to_numpy()
-    assert curve.value == pytest.approx(fitter.survival_function_at_times(at_s).to_numpy())
-    assert curve.low == pytest.approx(band[:, 0])
-    assert curve.high == pytest.approx(band[:, 1])
-
-
-def test_the_band_is_never_without_width():
-    time_s, _ = flights()
-    nobody = kaplan_meier(time_s, np.zeros(60, dtype=bool), np.array([100.0]))
-    assert (nobody.value[0], nobody.high[0]) == (1.0, 1.0)
-    assert 0.9 < nobody.low[0] < 1.0
-    everybody = kaplan_meier(time_s, np.ones(60, dtype=bool), np.array([LIMIT_S]))
-    assert (everybody.value[0], everybody.low[0]) == (0.0, 0.0)
-    assert 0.0 < everybody.high[0] < 0.1
-
-
 def test_cumulative_success_is_the_share_that_has_reached():
-    """Also with a collision after 5 s, which Kaplan and Meier would take for a trial that might still succeed."""
+    """Also with a collision after 5 s, which is no trial that might still succeed."""
     time_s, reached = np.array([5.0, 10.0, 20.0, 300.0]), np.array([False, True, True, False])
-    curve = cumulative_success(time_s, reached, np.array([9.0, 10.0, 25.0, 300.0]))
+    curve = cumulative_success(
+        time_s, reached, np.array([9.0, 10.0, 25.0, 300.0]), find_sampling_units(*[np.zeros(4)] * 3)
+    )
     assert curve.value == pytest.approx([0.0, 0.25, 0.5, 0.5])
     assert np.all(curve.low <= curve.value)
     assert np.all(curve.value <= curve.high)
@@ -67,7 +35,9 @@ def test_cumulative_success_is_the_share_that_has_reached():
 
 
 def test_curves_without_trials_are_undefined():
-    assert np.all(np.isnan(cumulative_success(np.array([]), np.array([]), np.array([1.0])).value))
+    assert np.all(
+        np.isnan(cumulative_success(np.array([]), np.array([]), np.array([1.0]), find_sampling_units([], [], [])).value)
+    )
 
 
 @pytest.mark.extras

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim_bench.statistics.aggregates import stratified_bootstrap
+from gslcosim_bench.statistics.estimates import bootstrap_mean
 from gslcosim_bench.statistics.rates import wilson
 from gslcosim_bench.statistics.settings import compute_difference, compute_figures, group_runs, paired_p_value
 
@@ -30,7 +30,7 @@ def test_runs_without_result_count_as_failures():
 
 def test_the_mean_score_has_the_interval_of_draws_within_cases():
     some = [rows.row(case=case, repetition=i, score=s) for case in "ab" for i, s in enumerate((0.5, 0.7, 0.9))]
-    expected = stratified_bootstrap(np.array([0.5, 0.7, 0.9] * 2), np.repeat(["a", "b"], 3))
+    expected = bootstrap_mean(np.array([0.5, 0.7, 0.9] * 2), np.repeat(["a", "b"], 3))
     assert compute_figures(group_runs(some)).score == expected
 
 
