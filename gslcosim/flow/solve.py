@@ -222,9 +222,6 @@ def solve_wind(free: NDArray[np.bool_], cell_m: float, patches: Sequence[Patch],
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
-
-    Raises:
-        FlowError: the case cannot be solved, or diverged; the message says what to change.
     """
     return solve_wind_report(free, cell_m, patches, **settings).velocity_m_s
 

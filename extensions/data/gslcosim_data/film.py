@@ -39,11 +39,7 @@ class FilmSegment:
 
     @classmethod
     def of(cls, run: RunData, *, from_s: float | None, to_s: float | None, speed: float) -> "FilmSegment":
-        """Return the cut of a run; what is absent is its beginning or its end.
-
-        Raises:
-            UsageError: the part is empty, or after the end of the run.
-        """
+        """Return the cut of a run; what is absent is its beginning or its end."""
         end_s = max((float(track.time_s[-1]) for track in run.tracks.values() if len(track.time_s)), default=0.0)
         begin_s, stop_s = from_s or 0.0, end_s if to_s is None else min(to_s, end_s)
         if begin_s >= stop_s:
@@ -96,9 +92,6 @@ class ChasePanel:
         agent: Who is followed.
         size_px: Width and height.
         frame_s: How long a frame is shown [s].
-
-    Raises:
-        ModelError: neither EGL nor OSMesa works here.
     """
 
     def __init__(self, run: RunData, agent: str, size_px: tuple[int, int], frame_s: float) -> None:
@@ -409,10 +402,6 @@ def render_frames(
     Args:
         follow: The agent that the room is seen with, of one run; absent: the first.
         has_chase_view: Whether the room is shown beside the plan.
-
-    Raises:
-        UsageError: there is no such agent, or agents are followed in several runs.
-        ModelError: the room is to be shown where neither EGL nor OSMesa works.
     """
     if len(runs) > 1:
         if follow is not None:
@@ -486,10 +475,6 @@ def write_film(frames: Frames, path: Path, progress: Callable[[int], None] = lam
     Args:
         frames: (height, width, 3) each, all of one size, even numbers for MP4.
         path: Its ending says what it becomes.
-
-    Raises:
-        UsageError: the ending is another, or the extra `film` is not installed.
-        OSError: the machine refuses.
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:

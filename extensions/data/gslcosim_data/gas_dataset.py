@@ -18,9 +18,6 @@ def build_gas_dataset(run: "RunData") -> "xr.Dataset":
 
     Returns:
         For each gas `GAS_ppm` (time_s, x_m, y_m), right within 1.4 %; `height_m` is the height of the layer.
-
-    Raises:
-        UsageError: the extra `xarray` is not installed, or the run recorded no gas.
     """
     slices = {gas: one for gas, one in run.gas_slices.items() if len(one.tick)}
     if not slices:

@@ -27,11 +27,7 @@ class LogReader:
 
 
 def find_log_reader(log: Path) -> LogReader | None:
-    """Return the reader of a log with topics; None where the log is a table.
-
-    Raises:
-        UsageError: a reader refuses the file, or its reader is not installed.
-    """
+    """Return the reader of a log with topics; None where the log is a table."""
     readers = load_registered(LOG_READERS_GROUP, instance_of(LogReader), "a LogReader")
     if found := next((reader for reader in readers if reader.is_own(log)), None):
         return found

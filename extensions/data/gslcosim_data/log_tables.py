@@ -36,9 +36,6 @@ def read_csv_log(path: Path, sensors: Sequence[LoggedSensor]) -> RobotLog:
     for each sensor those whose names begin with its name and an underscore and with no longer sensor's, as many as its
     readings have numbers. Units at the end of a column's name are converted, and tell columns apart. A row without a
     number in a sensor's columns has no reading of it.
-
-    Raises:
-        UsageError: it cannot be read, a column is missing, a cell is no number, or times do not ascend.
     """
     table = _read_table(path)
     remarks = Remarks(list(table.remarks))

@@ -62,11 +62,7 @@ _WITHOUT_PROGRAMS = ("agents[0].start={attach: true}", "participants=[]", "servi
 
 
 def load_log_scenario(source: str, overrides: Sequence[str]) -> LoadedScenario:
-    """Read the scenario of a log; its room, source and sensors are checked, and neither method nor start.
-
-    Raises:
-        ScenarioError: there is no such scenario, or it has problems.
-    """
+    """Read the scenario of a log; its room, source and sensors are checked, and neither method nor start."""
     checks = list_scenario_checks("room", without=("stored gas",))
 
     def find_room_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
@@ -90,10 +86,6 @@ def import_log(
         source: The file it comes from; the manifest has its name and hash.
         loaded: Room, source, vehicle and sensors; its agent is not started.
         remark: Receives what was left out of the log or assumed, sentence by sentence; the manifest has it, too.
-
-    Raises:
-        UsageError: the scenario has several agents, or the log is too short or has a gap that is none.
-        MachineError: the folder cannot be made.
     """
     scenario = _scenario_of(log, loaded.scenario, source)
     environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
@@ -121,11 +113,7 @@ def import_log(
 
 
 def log_sensors(scenario: Scenario) -> tuple[LoggedSensor, ...]:
-    """Return the sensors of a scenario's only agent.
-
-    Raises:
-        UsageError: it has several agents.
-    """
+    """Return the sensors of a scenario's only agent."""
     if len(scenario.agents) != 1:
         raise UsageError(f"--scenario: expected one agent, was {len(scenario.agents)} in {scenario.name}.")
     return tuple(

@@ -23,12 +23,7 @@ class GslcosimBackend(BackendEntrypoint):
     def open_dataset(
         self, filename_or_obj: Any, *, drop_variables: str | Iterable[str] | None = None, **_: Any
     ) -> Dataset:
-        """Return the dataset of a folder.
-
-        Raises:
-            UsageError: it is no run, or has no recording of gas.
-            EnvironmentDataError: it is an environment that cannot be read.
-        """
+        """Return the dataset of a folder."""
         folder = Path(filename_or_obj)
         if (folder / HEADER_FILE).is_file():
             dataset = build_environment_dataset(load_environment(folder))

@@ -128,23 +128,14 @@ class GaussianPlume:
     has_ground: bool = True
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m].
-
-        Raises:
-            ModelError: the air is calm.
-            ShapeError: the points are not (n, 3).
-        """
+        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m]."""
         points = check_points(points_world_m)
         x_m, y_m, speed_m_s = self.along_and_across_m(points)
         sigma_y_m, sigma_z_m = spreads_m(np.where(x_m > 0.0, x_m, 1.0), self.stability)
         return self._mixing_ratio_ppm(x_m, y_m, points[:, 2], 0.0, sigma_y_m, sigma_z_m, speed_m_s)
 
     def along_and_across_m(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """Return (n,) distances along and across the wind [m] of (n, 3) points, and the wind's speed [m/s].
-
-        Raises:
-            ModelError: the air is calm.
-        """
+        """Return (n,) distances along and across the wind [m] of (n, 3) points, and the wind's speed [m/s]."""
         speed_m_s = float(np.hypot(self.wind_world_m_s[0], self.wind_world_m_s[1]))
         if speed_m_s == 0.0:
             raise ModelError("gaussian plume: expected a horizontal wind that is not zero, was calm air.")
@@ -244,12 +235,7 @@ class MeanderingPlume:
         )
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
-        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m], and a time [s].
-
-        Raises:
-            ModelError: the air is calm.
-            ShapeError: the points are not (n, 3).
-        """
+        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m], and a time [s]."""
         points = check_points(points_world_m)
         x_m, y_m, speed_m_s = self.mean.along_and_across_m(points)
         sigma_y_m, sigma_z_m = spreads_m(np.where(x_m > 0.0, x_m, 1.0), self.mean.stability)
@@ -317,11 +303,7 @@ def list_gas_columns(gas: FormulaGasSpec) -> list[int]:
 
 
 def build_mean_plumes(gas: FormulaGasSpec, setup: GasSetup) -> list[GaussianPlume]:
-    """Return the mean plume of each source.
-
-    Raises:
-        ScenarioError: the air is calm.
-    """
+    """Return the mean plume of each source."""
     spec = gas.plume
     wind_m_s = spec.wind_m_s or wind_at_first_source_m_s(setup.scenario, setup.environment)
     if not (wind_m_s[0] or wind_m_s[1]):

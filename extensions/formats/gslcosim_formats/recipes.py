@@ -48,9 +48,6 @@ def load_recipe(
         overrides: Values to replace, such as `wind.cell_m=0.1`.
         checks: Further rules for scenarios.
         placer: Draws the places of scenarios that are `random`.
-
-    Raises:
-        ScenarioError: there is nothing of that name, or it has problems.
     """
     path, kinds = Path(source), list_kinds(find_schema_node(("environment", "layout")).annotation)
     is_layout_file = path.is_file() and _is_layout_file(path)

@@ -34,9 +34,6 @@ def read_spec_file(
         shown_path: How errors name it.
         keys: Its required keys, for who has written no block of keys.
         check: Finds problems that the model does not.
-
-    Raises:
-        ScenarioError: it cannot be read, or has problems: all of them in one error.
     """
     text = read_text(path, shown_path=shown_path)
     tree = read_yaml(text, source=shown_path)
@@ -60,9 +57,6 @@ def raise_located(problems: Iterable[Problem], path: Path, *, shown_path: str) -
         problems: What was found.
         path: The file.
         shown_path: How errors name it.
-
-    Raises:
-        InvalidScenarioError: there is at least one problem.
     """
     if found := list(problems):
         tree = read_yaml(read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig"), source=shown_path)

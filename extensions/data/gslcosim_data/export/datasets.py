@@ -9,13 +9,7 @@ from gslcosim_formats.datasets import GriddedFormat, build_environment_dataset, 
 
 
 def write_run_datasets(run: RunData, folder: Path, to: GriddedFormat, progress: Callable[[str], None]) -> list[Path]:
-    """Write the gas of a run, where it was recorded, and the wind of its environment.
-
-    Raises:
-        UsageError: the extra `xarray` is not installed.
-        EnvironmentDataError: the room is not the one that was run in.
-        OSError: the machine refuses.
-    """
+    """Write the gas of a run, where it was recorded, and the wind of its environment."""
     files: list[Path] = []
     if any(len(one.tick) for one in run.gas_slices.values()):
         progress("gas")

@@ -21,11 +21,6 @@ def extract_run(run: RunData, folder: Path, to: str, progress: Progress = lambda
 
     Returns:
         The files that were written.
-
-    Raises:
-        UsageError: the folder holds something, or a package is not installed that the format needs.
-        EnvironmentDataError: the room is needed and is not the one that was run in.
-        OSError: the machine refuses.
     """
     if folder.exists() and any(folder.iterdir()):
         raise UsageError(f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix.")

@@ -29,9 +29,6 @@ def write_tables(
 
     Returns:
         What was written.
-
-    Raises:
-        OSError: the machine refuses.
     """
     files: list[Path] = []
     written: list[StreamTable] = []

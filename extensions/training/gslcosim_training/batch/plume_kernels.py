@@ -36,11 +36,7 @@ class _Ufunc(ctypes.Structure):
 
 
 def find_loop_address(ufunc: np.ufunc) -> int:
-    """Return the address of the loop that a function of numpy runs over doubles; kernels pass it on.
-
-    Raises:
-        ModelError: the function has no such loop.
-    """
+    """Return the address of the loop that a function of numpy runs over doubles; kernels pass it on."""
     of_doubles = [i for i, kinds in enumerate(ufunc.types) if set(kinds) == set("d->")]
     if not of_doubles:
         raise ModelError(f"{ufunc.__name__}: expected a loop over doubles, was {', '.join(ufunc.types)}.")
@@ -236,11 +232,7 @@ def steady_ppm_at(plume, points_world_m):
 
 
 def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
-    """Return the (n,) mean plumes of the sources as records of `PLUME`, for kernels.
-
-    Raises:
-        ScenarioError: the air is calm.
-    """
+    """Return the (n,) mean plumes of the sources as records of `PLUME`, for kernels."""
     means = build_mean_plumes(gas, setup)
     rows = np.zeros(len(means), PLUME_RECORD)
     for row, mean, column in zip(rows, means, list_gas_columns(gas), strict=True):
