@@ -50,7 +50,7 @@ def test_it_is_listed_with_its_settings(packages, gslcosim_with, tmp_path, part,
 @pytest.mark.parametrize(
     ("part", "override", "expected"),
     [
-        ("gas", "gas.model=mixd", "gas.model: expected one of filament, gaussian_plume, meandering_plume, farrell, "
+        ("gas", "gas.model=mixd", "gas.model: expected one of filament, farrell, gaussian_plume, meandering_plume, "
          "mixed or playback, was 'mixd'. Did you mean mixed?"),
         ("gas", "gas={model: mixed, sources: [{position_m: [1.5, 2, 1]}], air_changes_per_s: 0}",
          "gas.air_changes_per_s: expected a number greater than 0"),

@@ -37,7 +37,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 FROZEN = Path(__file__).resolve().parent / "frozen.json"
 STATE = ROOT / ".freeze"
-CODE = ("gslcosim", "agents", "services")
+CODE = ("gslcosim", "agents", "services", "extensions")
 # What else decides an entry.
 INPUTS = ("scenarios", "tests/end_to_end", "tests/golden", *(f"tests/freeze/{name}" for name in (
     "jobs.py", "learning.py", "commands.py", "bad_inputs.jsonl")))  # fmt: skip
