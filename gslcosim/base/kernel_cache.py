@@ -14,7 +14,7 @@ import importlib.util
 import os
 import stat
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -61,16 +61,16 @@ def use_kernel_cache() -> None:
     """Point numba at a cache folder that changes whenever a kernel does, and let it load only signed files.
 
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
-    callee. A hash of all files of the core with kernels is therefore part of the folder's name,
+    callee. A hash of all files with kernels is therefore part of the folder's name,
     and so are the settings of its compiler, an optimisation level for instance.
-    Kernels of extensions and agents lie in folders in it with a hash of all extensions: who installs one keeps the
-    kernels of the core.
     Processes that this one starts inherit the folder; one that runs another copy of the code chooses its own.
     """
     owner = os.environ.get(OWNER_VARIABLE)
     if NUMBA_VARIABLE not in os.environ or owner not in (None, str(PACKAGE_DIR)):
         os.environ[OWNER_VARIABLE] = str(PACKAGE_DIR)
-        os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels(_get_core_roots())))
+        os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels()))
+    if UNCHECKED_VARIABLE in os.environ:
+        return
     if (loaded := sys.modules.get(_CACHING)) is not None:
         _sign_files(loaded)
     elif not any(isinstance(finder, _CachingFinder) for finder in sys.meta_path):
@@ -96,27 +96,23 @@ def get_key_path() -> Path:
     return get_cache_root() / _KEY_FILE
 
 
+@cache
 def get_code_roots() -> dict[str, Path]:
     """Return the folders of our packages and of installed extensions by their names."""
-    return _get_core_roots() | find_extension_packages()
-
-
-@cache
-def _get_core_roots() -> dict[str, Path]:
     services = importlib.util.find_spec("gslcosim_services")
     places = services.submodule_search_locations if services is not None else None
     roots = {"gslcosim": PACKAGE_DIR}
     if places:
         roots["gslcosim_services"] = Path(places[0]).resolve()
-    return roots
+    return roots | find_extension_packages()
 
 
-def _hash_kernels(roots: Mapping[str, Path]) -> str:
+def _hash_kernels() -> str:
     digest = hashlib.blake2b(_LAYOUT, digest_size=8)
     for name in _COMPILER_VARIABLES:
         if name in os.environ:
             digest.update(f"{name}={os.environ[name]}\0".encode())
-    for package, root in roots.items():
+    for package, root in get_code_roots().items():
         for path in sorted(_iter_modules(str(root))):
             with open(path, "rb") as file:  # noqa: PTH123 - a path of 700
                 content = file.read()
@@ -181,35 +177,17 @@ class _CachingLoader(importlib.abc.Loader):
 
 
 def _sign_files(caching: Any) -> None:
-    known = caching.CacheImpl._locator_classes
-    if known[0].__name__ != "ReadableCacheLocator":
-        caching.CacheImpl._locator_classes = [_locator_class(caching.UserProvidedCacheLocator), *known]
-        if UNCHECKED_VARIABLE not in os.environ:
-            caching.IndexDataCacheFile = _build_signed_class(caching.IndexDataCacheFile)
-
-
-@cache
-def _hash_extensions() -> str:
-    return _hash_kernels(find_extension_packages())
+    if not hasattr(caching.IndexDataCacheFile, "is_signed"):
+        caching.IndexDataCacheFile = _build_signed_class(caching.IndexDataCacheFile)
+        chosen = _locator_class(caching.UserProvidedCacheLocator)
+        caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
 
 
 # Numba passes over a folder that it cannot write to, also where all kernels are there to be read, and writes beside the
 # sources, or gives up.
 def _locator_class(plain: type[Any]) -> type[Any]:
     class ReadableCacheLocator(plain):
-        """Numba's locator of the folder that is set for its cache, whether it can be written or not.
-
-        A package's folder has its name, so that all places where one version is installed share its kernels.
-        """
-
-        @classmethod
-        def get_suitable_cache_subpath(cls, py_file: str) -> str:
-            folder = Path(py_file).resolve().parent
-            for package, root in get_code_roots().items():
-                if folder.is_relative_to(root):
-                    name = ".".join((package, *folder.relative_to(root).parts))
-                    return name if package in _get_core_roots() else f"{name}_{_hash_extensions()}"
-            return f"{super().get_suitable_cache_subpath(py_file)}_{_hash_extensions()}"
+        """Numba's locator of the folder that is set for its cache, whether it can be written or not."""
 
         def ensure_cache_path(self) -> None:
             with contextlib.suppress(OSError):
@@ -223,6 +201,8 @@ def _build_signed_class(plain: type[Any]) -> type[Any]:
 
     class SignedCacheFile(plain):
         """Numba's index and data files with a signature behind each, which numba's own class ignores."""
+
+        is_signed = True
 
         def _load_index(self) -> dict[Any, str]:
             body = _read_signed(self._index_path)

@@ -16,6 +16,7 @@ from gslcosim_bench.statistics.pairs import sign_flip
 from gslcosim_bench.statistics.ranking import estimate_means
 from gslcosim_bench.statistics.rates import pool_design_effect, rate_over_units
 from gslcosim_bench.statistics.sampling_units import Level, SamplingUnits, find_sampling_units
+from gslcosim_bench.statistics.times import restricted_mean
 from gslcosim_bench.store import TRACKS, TRIALS, ResultsFolder
 
 _compute: Any = pc
@@ -115,6 +116,18 @@ class Results:
         )
         rows = self._of(entry)
         return rate_over_units(rows.array("success").astype(bool), rows.sampling_units(), effect=effect)
+
+    def mean_time_s(self, entry: str) -> Estimate:
+        """Return the mean over cases of min(time to source, limit) of an entry [s]; failures count with the limit."""
+        rows = self._of(entry)
+        units = rows.sampling_units()
+        return restricted_mean(
+            rows.array("time_s"),
+            rows.array("success").astype(bool),
+            rows.array("time_limit_s").astype(float),
+            clusters=units.clusters,
+            cells=units.case,
+        )
 
     def sampling_units(self) -> SamplingUnits:
         """Return what intervals draw: whole rooms where there are six or more, else whole plumes, else single runs."""

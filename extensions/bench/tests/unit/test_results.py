@@ -33,6 +33,7 @@ def test_cases_count_the_same_in_rates_and_differences():
     b = [[0] * 10, *[[1, 1]] * 6]
     results = make_results({"a": a, "b": b})
     assert results.success("a").value == pytest.approx(1 / 7)
+    assert results.mean_time_s("a").value == pytest.approx((10 + 6 * 300) / 7)
     found = compare(results, "a", "b")
     assert found.success.value == pytest.approx(results.success("a").value - results.success("b").value)
     assert found.time_s.value == pytest.approx(5 / 7 * 290)
