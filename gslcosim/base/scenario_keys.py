@@ -134,13 +134,13 @@ def _load_all() -> tuple[ScenarioKey[Any] | InputPath, ...]:
     return tuple(key for keys in load_registered(STARTS_GROUP, _as_keys, what) for key in keys)
 
 
-def name_makers(key: ScenarioKey[Any]) -> str:
+def find_registering_packages(key: ScenarioKey[Any]) -> str:
     """Return the packages that register a key of this place and name."""
     offers = [(point, other) for point in list_registered(STARTS_GROUP) for other in point.load()]
-    makers = [
+    packages = [
         p.distribution for p, o in offers if isinstance(o, ScenarioKey) and (o.place, o.name) == (key.place, key.name)
     ]
-    return " and ".join(makers)
+    return " and ".join(packages)
 
 
 def _as_keys(offered: object) -> tuple[ScenarioKey[Any] | InputPath, ...] | None:

@@ -21,7 +21,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 from gslcosim.base.errors import UsageError
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
-from gslcosim.base.scenario_keys import list_scenario_keys, name_makers
+from gslcosim.base.scenario_keys import find_registering_packages, list_scenario_keys
 from gslcosim.base.spec import Name as Name
 from gslcosim.base.spec import Positive as Positive
 from gslcosim.base.spec import Spec as Spec
@@ -48,7 +48,7 @@ def with_registered_keys(place: str) -> Callable[[type[AnySpec]], type[AnySpec]]
             if key.name in names:
                 raise UsageError(
                     f"gslcosim.starts: expected a new key in {place or 'scenarios'}, was {key.name!r} "
-                    f"of {name_makers(key)}, which is there already. Rename it, or uninstall the package."
+                    f"of {find_registering_packages(key)}, which is there already. Rename it, or uninstall the package."
                 )
             i = names.index(key.after) + 1 if key.after in names else len(names)
             field = Field(default=key.default, description=key.description)

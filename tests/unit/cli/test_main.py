@@ -12,7 +12,7 @@ import pytest
 from gslcosim import __version__
 from gslcosim.base import errors
 from gslcosim.base.extensions import Registration
-from gslcosim.cli.arguments import build_parser, command_parsers, iterate_commands, parse
+from gslcosim.cli.arguments import Command, CommandGroup, build_parser, command_parsers, iterate_commands, parse
 from gslcosim.cli.main import list_groups, main
 
 GROUPS = list_groups()
@@ -313,3 +313,13 @@ def test_a_mistake_of_an_extension_names_it(capsys, monkeypatch):
     monkeypatch.setattr("gslcosim.scenario.load_scenario", err)
     assert main(["validate", "tiny_room"]) == 3
     assert capsys.readouterr().err.endswith("This is a mistake in the extension dose: correct it.\n")
+
+
+def test_two_commands_of_one_name_are_refused(monkeypatch):
+    mine = Command(name="up", summary="s", examples="", add_arguments=lambda _: None, run=lambda _: 0)
+    groups = (CommandGroup(title="mine", commands=(mine,)),)
+    monkeypatch.setattr("gslcosim.cli.main.load_registered", lambda *_: (groups,))
+    with pytest.raises(
+        errors.UsageError, match=f"expected one command 'up', was one of gslcosim.* and one of {__name__}"
+    ):
+        list_groups()
