@@ -168,7 +168,10 @@ def find_remedy(what: What, asked: str) -> str | None:
     """
     for extension, offers in read_known().items():
         if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in _list_distributions():
-            return f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}"
+            return (
+                f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}, "
+                f"or ./extensions/{extension} in a checkout"
+            )
     return None
 
 

@@ -12,7 +12,10 @@ from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, WindSpec
 from gslcosim.scenario.problems import InvalidScenarioError
 
-REMEDY = "It is in the extension formats, which is not installed: pip install gslcosim-formats"
+REMEDY = (
+    "It is in the extension formats, which is not installed: pip install gslcosim-formats, or ./extensions/formats in a "
+    "checkout"
+)
 
 
 @pytest.fixture
