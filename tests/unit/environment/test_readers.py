@@ -13,8 +13,8 @@ from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, WindS
 from gslcosim.scenario.problems import InvalidScenarioError
 
 REMEDY = (
-    "It is in the extension formats, which is not installed: pip install gslcosim-formats, or ./extensions/formats in a "
-    "checkout"
+    "It is in the extension formats, which is not installed: pip install gslcosim-formats, "
+    "or ./extensions/formats in a checkout"
 )
 
 
