@@ -82,8 +82,8 @@ def test_it_runs_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
         pytest.skip("cameras need EGL or OSMesa")
     single = fly_here(scenario, tmp_path / "single")
     assert multi.result["valid"], multi.errors
-    assert multi.result["digest"] == single.result["digest"]
     assert multi.result["faults"] == single.result["faults"] == []
+    assert multi.result["digest"] == single.result["digest"]
     for agent in multi.result["agents"]:
         assert agent["outcome"] in ("success", "time_limit")
         assert agent["knows"] == list(card_of(name).needs.knows)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.files import build_temporary_directory_error
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots
 from gslcosim.base.spawn import open_memory_file
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import (
@@ -195,8 +195,10 @@ def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]
 def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
     if cell.kernels is None:
         return {}
-    codes = (_PACKAGE, *(folder for folder in _PACKAGE.rglob("*") if folder.is_dir()), cell.directory, *cell.reads)
-    folders = dict.fromkeys(cell.kernels / get_kernels_folder_name(code) for code in codes)
+    packages = (folder for root in get_code_roots().values() for folder in (root, *root.rglob("*/")))
+    folders = dict.fromkeys(
+        cell.kernels / get_kernels_folder_name(code) for code in (*packages, cell.directory, *cell.reads)
+    )
     return {folder.name: sorted(folder.iterdir()) for folder in folders if folder.is_dir()}
 
 

@@ -1,4 +1,4 @@
-"""Kernels that were compiled before: an agent in a sandbox sees those of this installation and of its own code."""
+"""Kernels that were compiled before: an agent in a sandbox sees those of all installed packages and of its own code."""
 
 import os
 from pathlib import Path
@@ -7,6 +7,7 @@ import pytest
 from numba.core.caching import UserProvidedCacheLocator
 
 import gslcosim
+from gslcosim.base.extension_packages import find_extension_packages
 from gslcosim.runtime.processes.sandbox.launcher_client import (
     Confinement,
     Launch,
@@ -26,8 +27,9 @@ def test_a_cache_of_many_installations_is_not_linked_whole(tmp_path):
     """A start made, and an end removed, links to seven thousand files where many versions had been tried."""
     ours = Path(gslcosim.__file__).parent / "environment"
     of_the_agent = tmp_path / "mine"
+    installed = (ours, of_the_agent, *find_extension_packages().values())
     kernels, scratch = tmp_path / "kernels", tmp_path / "scratch"
-    for folder in (ours, of_the_agent, Path("/elsewhere/gslcosim/environment")):
+    for folder in (*installed, Path("/elsewhere/gslcosim/environment")):
         (kernels / get_kernels_folder_name(folder)).mkdir(parents=True)
         (kernels / get_kernels_folder_name(folder) / "kernel.nbc").touch()
     scratch.mkdir()
@@ -39,5 +41,5 @@ def test_a_cache_of_many_installations_is_not_linked_whole(tmp_path):
     linked = {path.parent.name: path.readlink() for path in (scratch / "kernels").rglob("*.nbc")}
     assert linked == {
         get_kernels_folder_name(folder): kernels / get_kernels_folder_name(folder) / "kernel.nbc"
-        for folder in (ours, of_the_agent)
+        for folder in installed
     }
