@@ -1,6 +1,6 @@
 """Plugins that installed packages offer by entry points, imported when they are named and not before."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -29,6 +29,18 @@ class EntryPoints:
         """Return the names of all that is offered, in alphabetical order."""
         return tuple(dict.fromkeys(point.name for point in list_registered(self.group)))
 
+    def find_values(self, name: str) -> tuple[str, ...]:
+        """Return each different `module:attribute` that is offered under a name, in alphabetical order."""
+        return tuple(sorted({point.value for point in list_registered(self.group) if point.name == name}))
+
+    def build_name_error(self, name: str, found: Sequence[str]) -> PluginError:
+        """Return the error for a name that several packages offer."""
+        return PluginError(
+            expected=f"one package that offers the {self.what} {name!r}",
+            found=" and ".join(found),
+            remedy="Uninstall one of them, or rename what it offers.",
+        )
+
     def loaded(self, name: str, accept: Callable[[object], AnyPlugin | None], expected: str) -> AnyPlugin:
         """Return the plug-in of a name, one of `names`.
 
@@ -40,15 +52,10 @@ class EntryPoints:
         Raises:
             PluginError: two packages offer the name, the package cannot be imported, or it offers something else.
         """
-        points = [point for point in list_registered(self.group) if point.name == name]
-        values = sorted({point.value for point in points})
+        values = self.find_values(name)
         if len(values) > 1:
-            raise PluginError(
-                expected=f"one package that offers the {self.what} {name!r}",
-                found=" and ".join(values),
-                remedy="Uninstall one of them.",
-            )
-        point = points[0]
+            raise self.build_name_error(name, values)
+        point = next(point for point in list_registered(self.group) if point.name == name)
         try:
             offered: object = point.load()
         # A package of somebody else may raise anything when it is imported.

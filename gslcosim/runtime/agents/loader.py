@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.bundled import bundled_agents
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import GslCosimError, UsageError
 from gslcosim.base.processes import build_python_command
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
@@ -18,11 +18,16 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.python is not None:
         return build_python_command(str(find_python_agent(agent.start.python, directory)))
     if (start := agent.start.registered) is not None:
-        if not (words := start.build_command(start.get(agent.start), agent)):
-            maker = start.build_command.__module__
-            raise UsageError(
-                f"agents[].start.{start.name}: expected a command line from {maker}, was {words!r}. Correct it."
-            )
+        place, maker = f"agents[].start.{start.name}", start.build_command.__module__
+        try:
+            words = start.build_command(start.get(agent.start), agent)
+        except GslCosimError:
+            raise
+        # A package of another project may raise anything.
+        except Exception as error:
+            raise UsageError(f"{place}: expected a command line from {maker}, was {error!r}. Correct it.") from error
+        if not words:
+            raise UsageError(f"{place}: expected a command line from {maker}, was {words!r}. Correct it.")
         return words
     if agent.start.command is not None:
         return resolve_command(agent.start.command, directory)

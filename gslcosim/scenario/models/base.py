@@ -103,9 +103,12 @@ class OneOf:
         """Return the block of a kind, or nothing where there is no such kind."""
         if not isinstance(kind, str):
             return None
+        is_offered = self.offers is not None and kind in self.offers.names()
         if kind in self.own:
+            if self.offers is not None and is_offered:
+                raise self.offers.build_name_error(kind, ("gslcosim", *self.offers.find_values(kind)))
             return self.own[kind]
-        if self.offers is None or kind not in self.offers.names():
+        if self.offers is None or not is_offered:
             return None
         what = f"a class for {kind!r} that derives from {self.base.__name__}"
         if self.part is not None:
