@@ -14,7 +14,7 @@ import importlib.util
 import os
 import stat
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +26,8 @@ PACKAGE_DIR = Path(__file__).resolve().parents[1]
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 # The code whose kernels the folder of `NUMBA_VARIABLE` is for; absent where a user has chosen the folder.
 OWNER_VARIABLE = "NUMBA_CACHE_OF_GSLCOSIM"
+# The hash of the kernels of all extensions, beside that folder.
+EXTENSIONS_VARIABLE = "GSLCOSIM_EXTENSION_KERNELS"
 # Set for agents in a sandbox, which have a cache of their own that is thrown away, and no key.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 _CACHING = "numba.core.caching"
@@ -61,14 +63,17 @@ def use_kernel_cache() -> None:
     """Point numba at a cache folder that changes whenever a kernel does, and let it load only signed files.
 
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
-    callee. A hash of all files with kernels is therefore part of the folder's name,
+    callee. A hash of all files of the core with kernels is therefore part of the folder's name,
     and so are the settings of its compiler, an optimisation level for instance.
+    Kernels of extensions and agents lie in folders in it whose names have a hash of all extensions, so that the kernels
+    of the core stay where an extension is installed or changed.
     Processes that this one starts inherit the folder; one that runs another copy of the code chooses its own.
     """
     owner = os.environ.get(OWNER_VARIABLE)
     if NUMBA_VARIABLE not in os.environ or owner not in (None, str(PACKAGE_DIR)):
         os.environ[OWNER_VARIABLE] = str(PACKAGE_DIR)
-        os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels()))
+        os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels(_get_core_roots())))
+        os.environ[EXTENSIONS_VARIABLE] = _hash_kernels(find_extension_packages())
     if UNCHECKED_VARIABLE in os.environ:
         return
     if (loaded := sys.modules.get(_CACHING)) is not None:
@@ -96,23 +101,47 @@ def get_key_path() -> Path:
     return get_cache_root() / _KEY_FILE
 
 
-@cache
 def get_code_roots() -> dict[str, Path]:
     """Return the folders of our packages and of installed extensions by their names."""
+    return _get_core_roots() | find_extension_packages()
+
+
+@cache
+def _get_core_roots() -> dict[str, Path]:
     services = importlib.util.find_spec("gslcosim_services")
     places = services.submodule_search_locations if services is not None else None
     roots = {"gslcosim": PACKAGE_DIR}
     if places:
         roots["gslcosim_services"] = Path(places[0]).resolve()
-    return roots | find_extension_packages()
+    return roots
 
 
-def _hash_kernels() -> str:
+def get_kernels_folder_name(code: Path, plain_name: str) -> str:
+    """Return the name of the folder in the cache that has the compiled kernels of the modules of a folder.
+
+    That of a package has its name: all places where one version is installed share its kernels.
+
+    Args:
+        code: The folder of the modules.
+        plain_name: The name that numba gives it.
+    """
+    if OWNER_VARIABLE not in os.environ:
+        return plain_name
+    core, name = _get_core_roots(), plain_name
+    for package, root in get_code_roots().items():
+        if code.is_relative_to(root):
+            name = ".".join((package, *code.relative_to(root).parts))
+            if package in core:
+                return name
+    return f"{name}_{os.environ.get(EXTENSIONS_VARIABLE, '')}"
+
+
+def _hash_kernels(roots: Mapping[str, Path]) -> str:
     digest = hashlib.blake2b(_LAYOUT, digest_size=8)
     for name in _COMPILER_VARIABLES:
         if name in os.environ:
             digest.update(f"{name}={os.environ[name]}\0".encode())
-    for package, root in get_code_roots().items():
+    for package, root in roots.items():
         for path in sorted(_iter_modules(str(root))):
             with open(path, "rb") as file:  # noqa: PTH123 - a path of 700
                 content = file.read()
@@ -188,6 +217,10 @@ def _sign_files(caching: Any) -> None:
 def _locator_class(plain: type[Any]) -> type[Any]:
     class ReadableCacheLocator(plain):
         """Numba's locator of the folder that is set for its cache, whether it can be written or not."""
+
+        @classmethod
+        def get_suitable_cache_subpath(cls, py_file: str) -> str:
+            return get_kernels_folder_name(Path(py_file).resolve().parent, super().get_suitable_cache_subpath(py_file))
 
         def ensure_cache_path(self) -> None:
             with contextlib.suppress(OSError):

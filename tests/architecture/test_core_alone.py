@@ -24,8 +24,6 @@ from gslcosim.base.extensions import read_known
 
 EXTENSIONS = sorted(path.parent.name for path in ROOT.glob("extensions/*/pyproject.toml"))
 SCENARIO = "tiny_room"
-# Each environment compiles its kernels once more for a run, for a minute; formats takes most others with it.
-RUN_WITHOUT = ("archive", "formats")
 # Blocks that the core reads and that only a reader, solver or model of an extension can serve.
 READ_BY_CORE = {
     "gas.model=playback": {
@@ -156,9 +154,8 @@ def test_all_but_one_extension_run_and_answer_for_it(core, installed, tmp_path, 
         assert_answered(text, missing)
     helped = environment.call("--help", cwd=tmp_path)
     assert helped.returncode == 0, helped.stderr
-    if missing in RUN_WITHOUT:
-        words = ["up", SCENARIO, "--in-process", "--json"]
-        assert read_digest(environment.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+    words = ["up", SCENARIO, "--in-process", "--json"]
+    assert read_digest(environment.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
 
 
 def list_answers(environment: FreshEnvironment, extension: str, folder: Path, present: Sequence[str] = ()) -> list[str]:

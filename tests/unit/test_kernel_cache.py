@@ -8,7 +8,14 @@ import sys
 
 import pytest
 
-from gslcosim.base.kernel_cache import PACKAGE_DIR, get_key_path, use_kernel_cache
+from gslcosim.base.kernel_cache import (
+    EXTENSIONS_VARIABLE,
+    OWNER_VARIABLE,
+    PACKAGE_DIR,
+    get_key_path,
+    use_kernel_cache,
+)
+from gslcosim.runtime.processes.sandbox.launcher_client import name_numba_folder
 
 PROGRAM = """
 import gslcosim, numba
@@ -180,10 +187,12 @@ def test_another_level_of_optimisation_has_kernels_of_its_own(cached):
 
 @pytest.mark.slow
 def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_path):
-    """A sandbox links them, and hides the key."""
-    (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
+    """A sandbox links them, by numba's own names, and hides the key."""
+    (tmp_path / "linked").mkdir()
+    folder = files_in(tmp_path / "cache", "nbi")["program.twice"].parent
+    (tmp_path / "linked" / name_numba_folder(tmp_path)).symlink_to(folder)
     variables = os.environ | {
-        "NUMBA_CACHE_DIR": str(folder),
+        "NUMBA_CACHE_DIR": str(tmp_path / "linked"),
         "GSLCOSIM_UNCHECKED_KERNELS": "1",
         "GSLCOSIM_CACHE": str(tmp_path / "nothing"),
     }
@@ -198,7 +207,11 @@ def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_p
 def test_who_inherits_the_folder_and_has_another_cache_shares_the_kernels(cached, tmp_path):
     """With a key of its own it would compile and sign all of them, and after it everybody else would."""
     (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
-    inherited = {"NUMBA_CACHE_DIR": str(folder), "NUMBA_CACHE_OF_GSLCOSIM": str(PACKAGE_DIR)}
+    inherited = {
+        "NUMBA_CACHE_DIR": str(folder),
+        OWNER_VARIABLE: str(PACKAGE_DIR),
+        EXTENSIONS_VARIABLE: os.environ[EXTENSIONS_VARIABLE],
+    }
     assert cached(GSLCOSIM_CACHE=str(tmp_path / "other"), **inherited) == 2
     assert not (tmp_path / "other" / "kernels.key").exists()
     assert cached() == 2

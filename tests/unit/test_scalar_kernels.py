@@ -91,16 +91,16 @@ def test_numbers_of_readings_are_the_same_compiled_to_the_bit(channel):
         assert numbers.tolist() == plain
 
 
-def test_a_kernel_lies_in_a_file_whose_changes_are_seen(tmp_path, monkeypatch):
+def test_a_kernel_lies_in_a_file_whose_changes_are_seen(tmp_path):
     """Numba looks at the file of the caller only: what it calls is part of the name of the cache's folder."""
     package = tmp_path / "package"
     package.mkdir()
-    monkeypatch.setattr(kernel_cache, "get_code_roots", lambda: {"package": package})
+    roots = {"package": package}
     formula = "from gslcosim.base.scalar_kernels import scalar_kernel\n\n@scalar_kernel\ndef f(): return {}\n"
     (package / "formula.py").write_text(formula.format(1))
     (package / "other.py").write_text("x = 1\n")
-    before = kernel_cache._hash_kernels()
+    before = kernel_cache._hash_kernels(roots)
     (package / "other.py").write_text("x = 2\n")
-    assert kernel_cache._hash_kernels() == before
+    assert kernel_cache._hash_kernels(roots) == before
     (package / "formula.py").write_text(formula.format(2))
-    assert kernel_cache._hash_kernels() != before
+    assert kernel_cache._hash_kernels(roots) != before

@@ -16,7 +16,7 @@ from pathlib import Path
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.files import hold_lock
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
+from gslcosim.base.kernel_cache import EXTENSIONS_VARIABLE, NUMBA_VARIABLE, PACKAGE_DIR
 from gslcosim.base.processes import build_parent_death_prefix, build_python_command
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
@@ -76,7 +76,8 @@ def _list_sandboxed_agents(scenario: Scenario, directory: Path, *, is_one_proces
 def _get_marker_path(name: str) -> Path | None:
     if NUMBA_VARIABLE not in os.environ:
         return None
-    facts = f"{PACKAGE_DIR}\0{sys.version}\0{platform.machine()}\0{platform.node()}"
+    extensions = os.environ.get(EXTENSIONS_VARIABLE, "")
+    facts = f"{PACKAGE_DIR}\0{extensions}\0{sys.version}\0{platform.machine()}\0{platform.node()}"
     key = hashlib.blake2b(facts.encode(), digest_size=8).hexdigest()
     return Path(os.environ[NUMBA_VARIABLE]) / _MARKERS_FOLDER / f"{name}.{key}"
 

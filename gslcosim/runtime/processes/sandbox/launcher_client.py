@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.files import build_temporary_directory_error
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots, get_kernels_folder_name
 from gslcosim.base.spawn import open_memory_file
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import (
@@ -196,10 +196,9 @@ def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
     if cell.kernels is None:
         return {}
     packages = (folder for root in get_code_roots().values() for folder in (root, *root.rglob("*/")))
-    folders = dict.fromkeys(
-        cell.kernels / get_kernels_folder_name(code) for code in (*packages, cell.directory, *cell.reads)
-    )
-    return {folder.name: sorted(folder.iterdir()) for folder in folders if folder.is_dir()}
+    names = {name_numba_folder(code): code for code in (*packages, cell.directory, *cell.reads)}
+    folders = {name: cell.kernels / get_kernels_folder_name(code, name) for name, code in names.items()}
+    return {name: sorted(folder.iterdir()) for name, folder in folders.items() if folder.is_dir()}
 
 
 def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Path:
@@ -215,11 +214,8 @@ def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Pat
     return own
 
 
-def get_kernels_folder_name(code: Path) -> str:
-    """Return the name of the folder in which numba keeps what it has compiled of the modules of a folder.
-
-    The cache is shared by all installations of the same packages, each of which would have thousands of links to make.
-    """
+def name_numba_folder(code: Path) -> str:
+    """Return the name that numba gives the folder of compiled kernels of the modules of a folder."""
     # Numba encodes paths as UTF-8, whatever the locale; one that is none has no kernels there.
     name = str(code).encode(errors="surrogateescape")
     return f"{code.name}_{hashlib.sha1(name, usedforsecurity=False).hexdigest()}"
