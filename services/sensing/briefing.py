@@ -30,6 +30,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec, RefereeSpec
 from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec, real_model
+from gslcosim.scenario.models.success import MapSuccess
 from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
 from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_UNIT
@@ -170,7 +171,7 @@ def build_task(referee: RefereeSpec) -> Task:
         time_limit_s=float(referee.stop.time_limit_s),
         distance_of=success.distance_of,
         is_horizontal=success.is_horizontal,
-        mass_at_least=success.least_mass,
+        mass_at_least=success.mass_at_least if isinstance(success, MapSuccess) else None,
         asks_for_declaration=success.asks_for_declaration,
         n_sources=success.n_sources,
     )

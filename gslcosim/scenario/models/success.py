@@ -26,6 +26,8 @@ class SuccessSpec(Spec):
     distance_of: ClassVar[Literal["vehicle", "declaration", "belief"] | None] = None
     asks_for_declaration: ClassVar[bool] = False
     n_sources: ClassVar[int | None] = 1
+    # The sentence, without its subject, that reports the success of an agent.
+    met_text: ClassVar[str] = "has found the source"
 
     within_m: Positive = Field(default=1.0, description="success radius")
     of: str = Field(description="criterion")
@@ -48,16 +50,6 @@ class SuccessSpec(Spec):
     def drawn_radius_m(self) -> float | None:
         """The radius drawn around each source [m]; None draws nothing. Where heights do not count it is a column."""
         return self.within_m
-
-    @property
-    def met_text(self) -> str:
-        """The sentence, without its subject, that says of an agent that it succeeded."""
-        return "has found the source"
-
-    @property
-    def least_mass(self) -> float | None:
-        """Least probability within the success radius in the last belief; None where no belief is asked for."""
-        return None
 
     @abstractmethod
     def task_text(self, gas: str) -> str:
@@ -135,17 +127,13 @@ class AllSourcesSuccess(_PlaceSpec):
 
     distance_of = "vehicle"
     n_sources = None
+    met_text = "has found all sources"
     of: Literal["all_sources"] = "all_sources"  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def reach_m(self) -> float | None:
         """None: the shortest tour of all sources is not computed."""
         return None
-
-    @property
-    def met_text(self) -> str:
-        """The sentence that says of an agent that it succeeded."""
-        return "has found all sources"
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""
@@ -164,20 +152,11 @@ class MapSuccess(SuccessSpec):
     """
 
     distance_of = "belief"
+    met_text = "has mapped the source"
     of: Literal["map"] = "map"  # pyright: ignore[reportIncompatibleVariableOverride]
     mass_at_least: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.5, description="minimum probability within the success radius in the last belief"
     )
-
-    @property
-    def met_text(self) -> str:
-        """The sentence that says of an agent that it succeeded."""
-        return "has mapped the source"
-
-    @property
-    def least_mass(self) -> float | None:
-        """Least probability within the success radius in the last belief."""
-        return self.mass_at_least
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""
