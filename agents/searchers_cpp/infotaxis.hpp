@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstring>
-#include <regex>
 
 #include "common.hpp"
 #include "encounters.hpp"
@@ -18,10 +17,10 @@ inline void normalise(std::vector<double>& weights) {
     for (double& weight : weights) weight /= total;
 }
 
-// How near to the source the run ends by the mission's sentence, 0 where it asks for a declaration.
-inline double arrival_radius_m(const std::string& mission) {
-    std::smatch found;
-    return std::regex_search(mission, found, std::regex{"come within ([0-9.]+) m of it"}) ? std::stod(found[1]) : 0.0;
+// The success radius where the vehicle's arrival at one source ends the search [m]; 0 elsewhere.
+inline double arrival_radius_m(const json& briefing) {
+    const json task = briefing.value("task", json{});
+    return task.is_object() && task.at("goal") == "source" ? task.at("success_radius_m").get<double>() : 0.0;
 }
 
 inline std::string base64(const std::vector<std::uint8_t>& bytes) {
@@ -177,7 +176,7 @@ public:
             if (briefing.contains(grant) && !briefing[grant].is_null())
                 throw std::runtime_error(std::string{grant} + ": infotaxis in C++ flies without it only");
         if (settings_.choice("arrival", {"by_mission", "nothing"}) == "by_mission")
-            arrival_m_ = arrival_radius_m(briefing.at("mission"));
+            arrival_m_ = arrival_radius_m(briefing);
         const Vec3 low_m = briefing.at("bounds").at("min_m"), high_m = briefing.at("bounds").at("max_m");
         for (std::size_t axis = 0; axis < 2; ++axis)
             shape_[axis] = std::max(1, static_cast<int>(std::ceil((high_m[axis] - low_m[axis]) / cell_m_ - 1e-9)));

@@ -44,6 +44,7 @@ from gslcosim.contract.messages import (
     RefereeEvent,
     Score,
     SensorDescription,
+    Task,
     Verdict,
     Waypoint,
 )
@@ -239,7 +240,7 @@ EXAMPLES: dict[str, Message] = {
     "briefing": Briefing(
         tick=0,
         agent="beetle",
-        contract_version="1.2",
+        contract_version="1.3",
         mission="Find the source of ethanol: come within 1 m of it in 300 s.",
         tick_ns=100_000_000,
         seed=1_234_567,
@@ -292,6 +293,17 @@ EXAMPLES: dict[str, Message] = {
             wind_speed_m_s=1.0,
         ),
         known_sources=((5.0, 1.0, 2.0), (1.0, 10.0, 2.0)),
+        task=Task(
+            goal="source",
+            success_radius_m=1.0,
+            time_limit_s=300.0,
+            distance_of="vehicle",
+            is_horizontal=True,
+            mass_at_least=0.5,
+            command_limit=200,
+            asks_for_declaration=True,
+            n_sources=2,
+        ),
     ),
     "observation": Observation(
         tick=65,

@@ -16,6 +16,7 @@ from gslcosim.contract.messages import (
     RadioReception,
     RateSetpoint,
     Reading,
+    Task,
     Waypoint,
 )
 
@@ -35,6 +36,7 @@ __all__ = [
     "RadioReception",
     "RateSetpoint",
     "Reading",
+    "Task",
     "Waypoint",
     "run",
 ]

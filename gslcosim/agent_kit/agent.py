@@ -27,7 +27,7 @@ class Agent(ABC):
 
     @abstractmethod
     def __init__(self, briefing: Briefing) -> None:
-        """Read the mission, the bounds, the sensors and the seed."""
+        """Read the task, the bounds, the sensors and the seed."""
 
     def observe(self, observation: Observation) -> None:  # noqa: B027 - optional, not abstract
         """Take note of an observation; called for every tick, before `decide` where that is called too."""

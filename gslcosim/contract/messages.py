@@ -292,7 +292,7 @@ REFUSED_PREFIX = "refused: "
 AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
 
 
-CONTRACT_VERSION = "1.2"
+CONTRACT_VERSION = "1.3"
 
 # ---------------------------------------------------------------- truth, never visible to agents
 
@@ -514,8 +514,33 @@ class Bounds(Record):
     max_m: Vec3
 
 
+class Task(Record):
+    """Task of an agent: what counts as success, and within which limits; part of `Briefing`. Since contract 1.3.
+
+    `goal` is the criterion of success: `source` (the vehicle comes near a source), `declaration` (a declared position
+    is near one), `all_sources` (the vehicle comes near each), `map` (the last belief is concentrated near one), or the
+    name of a criterion of another package.
+    `distance_of` is what has to be within `success_radius_m` of a source, absent where a criterion of another package
+    goes by something else; with `is_horizontal` heights do not count in that distance. Of a belief at least
+    `mass_at_least` has to be within the radius (absent: no belief is asked for).
+    `time_limit_s` is simulated time, and `command_limit` the number of commands (absent: no limit).
+    `asks_for_declaration` is true where an agent that declares no position cannot succeed.
+    `n_sources` is how many sources have to be found (absent: all; their number is not given).
+    """
+
+    goal: str
+    success_radius_m: Annotated[float, Field(gt=0)]
+    time_limit_s: Annotated[float, Field(gt=0)]
+    distance_of: Literal["vehicle", "declaration", "belief"] | None = None
+    is_horizontal: bool = False
+    mass_at_least: Annotated[float, Field(gt=0, le=1)] | None = None
+    command_limit: Annotated[int, Field(ge=1)] | None = None
+    asks_for_declaration: bool = False
+    n_sources: Annotated[int, Field(ge=1)] | None = 1
+
+
 class Briefing(Message):
-    """Mission and sensors of an agent, once before its first observation, by sensing on `agents/<id>/briefing`.
+    """Task and sensors of an agent, once before its first observation, by sensing on `agents/<id>/briefing`.
 
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
     `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
@@ -524,6 +549,8 @@ class Briefing(Message):
     method's own values. `known_map`, `plume` and `known_sources` (since 1.2) are there for an agent that the scenario
     grants this knowledge: the map of the room, nominal figures of the plume, and, for upper bounds such as the oracle
     alone, the places of the sources.
+    `task` (since 1.3) is what the agent is asked for, absent in runs of older contracts and where nothing is judged;
+    `mission` is the same as a sentence for people.
     """
 
     agent: Name
@@ -545,6 +572,7 @@ class Briefing(Message):
     known_map: KnownMap | None = None
     plume: NominalPlume | None = None
     known_sources: tuple[Vec3, ...] = ()
+    task: Task | None = None
 
 
 class Reading(Record):

@@ -20,6 +20,7 @@ from gslcosim.contract.messages import (
     KnownMap,
     NominalPlume,
     SensorDescription,
+    Task,
 )
 from gslcosim.contract.record import NumericArray
 from gslcosim.contract.schema import get_contract_hash
@@ -27,8 +28,9 @@ from gslcosim.environment.model import Cell, Environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside, find_unmet_needs
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentsSpec
-from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec, RefereeSpec
 from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec, real_model
+from gslcosim.scenario.models.success import MapSuccess
 from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
 from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_UNIT
@@ -132,12 +134,13 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         environment: The run's room; the agent learns its bounds, and the map only where it is granted.
         seed: The run's seed; the agent's own derives from it and does not reveal it.
     """
-    grid = environment.grid
+    grid, task = environment.grid, build_task(scenario.referee)
+    sentence = f"{scenario.referee.success.task_text(scenario.gas.gas)} in at most {task.time_limit_s:g} s."
     return Briefing(
         tick=0,
         agent=agent.name,
         contract_version=CONTRACT_VERSION,
-        mission=mission_text(scenario) + (FREE_MODE_NOTE if agent.is_free else ""),
+        mission=sentence + (FREE_MODE_NOTE if agent.is_free else ""),
         tick_ns=scenario.tick_ns,
         seed=_derive_agent_seed(agent, seed),
         # It is asked at its waypoints, too; the contract has no word for a question that nobody waits for.
@@ -147,7 +150,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         bounds=Bounds(min_m=_floats(grid.origin_m), max_m=_floats(grid.max_m)),
         search_height_m=agent.vehicle.search_height_m,
         hold_s=agent.vehicle.hold_s,
-        time_limit_s=scenario.referee.stop.time_limit_s,
+        time_limit_s=task.time_limit_s,
         sensors=describe_sensors(agent, scenario),
         contract_hash=get_contract_hash(),
         channels=_describe_channels(agent, scenario),
@@ -155,6 +158,22 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         known_map=build_known_map(agent, environment),
         plume=build_nominal_plume(scenario) if agent.knows.plume else None,
         known_sources=tuple(source.position_m for source in scenario.gas.sources) if agent.knows.source else (),
+        task=task,
+    )
+
+
+def build_task(referee: RefereeSpec) -> Task:
+    """Build the task of a scenario's agents from its success criterion and its limits."""
+    success = referee.success
+    return Task(
+        goal=success.of,
+        success_radius_m=float(success.within_m),
+        time_limit_s=float(referee.stop.time_limit_s),
+        distance_of=success.distance_of,
+        is_horizontal=success.is_horizontal,
+        mass_at_least=success.mass_at_least if isinstance(success, MapSuccess) else None,
+        asks_for_declaration=success.asks_for_declaration,
+        n_sources=success.n_sources,
     )
 
 
@@ -174,12 +193,6 @@ def _describe_channels(agent: AgentSpec, scenario: Scenario) -> tuple[ChannelDes
         for channel in scenario.channels
         if agent.name in scenario.members_of(channel)
     )
-
-
-def mission_text(scenario: Scenario) -> str:
-    """Return the task in one sentence."""
-    referee = scenario.referee
-    return f"{referee.success.task_text(scenario.gas.gas)} in at most {referee.stop.time_limit_s:g} s."
 
 
 def _floats(vector: tuple[float, float, float]) -> tuple[float, float, float]:

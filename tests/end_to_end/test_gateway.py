@@ -10,7 +10,10 @@ import pytest
 from deadlines import EVENT_S
 from real_runs import AGENTS, TINY_ROOM, fly, fly_here, start
 
+from gslcosim.contract.messages import Briefing
+
 ASKED_LESS = ("--set", "referee.stop.time_limit_s=8")
+CONTRACT_1_2 = TINY_ROOM.parents[1] / "tests" / "golden" / "contract_1_2.json"
 DOORS = [(door, form) for door in ("stdio", "tcp", "unix") for form in ("msgpack", "json")]
 
 
@@ -53,6 +56,15 @@ def test_every_transport_gives_the_same_digest(tmp_path, digest_over_zenoh, door
 def test_processes_run_with_the_others_in_one_process(tmp_path, digest_over_zenoh, door, frame_format):
     ended = fly_here(TINY_ROOM, tmp_path, *through(door, frame_format))
     assert digest_of(ended) == digest_over_zenoh
+
+
+def test_an_agent_of_contract_1_2_runs_as_one_of_today(tmp_path, digest_over_zenoh):
+    """It does not know the briefing's task."""
+    known = json.loads(CONTRACT_1_2.read_text())["schemas"]["Briefing"]["properties"]
+    newer = [name for name in Briefing.__struct_fields__ if name not in known]
+    assert newer == ["task"]
+    command = [sys.executable, str(AGENTS / "framed.py"), "stdio", "json", "1.2", ",".join(newer)]
+    assert digest_of(fly_here(TINY_ROOM, tmp_path, *overriding(command, "stdio", "json"))) == digest_over_zenoh
 
 
 @pytest.mark.tour

@@ -1,6 +1,6 @@
 """The rules of docs/contract-evolution.md, held against the contract of the past.
 
-`contract_1_0.json` and `contract_1_1.json` have the schemas and bytes of these contracts; they are never rewritten.
+`contract_1_0.json` and later ones have the schemas and bytes of these contracts; they are never rewritten.
 """
 
 import copy

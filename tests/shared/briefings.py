@@ -16,8 +16,12 @@ from gslcosim.contract.messages import (
     RadioReception,
     Reading,
     SensorDescription,
+    Task,
 )
 from gslcosim.contract.record import NumericArray
+from gslcosim.scenario.models.scenario import RefereeSpec
+from gslcosim.scenario.models.success import SuccessSpec
+from gslcosim_services.sensing.briefing import build_task
 
 DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
 # Per model: quantity and unit as gslcosim's sensors have them.
@@ -36,6 +40,11 @@ PLUME = NominalPlume(
     release_ppm_m3_s=1.6, puffs_per_s=10.0, initial_sigma_m=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002,
     wind_speed_m_s=0.5,
 )  # fmt: skip
+
+
+def task_of(success: SuccessSpec) -> Task:
+    """Return the task that an agent is briefed with under a criterion."""
+    return build_task(RefereeSpec(success=success))
 
 
 def sensor(model: str, name: str, mount_body_m=(0.0, 0.0, 0.0)) -> SensorDescription:

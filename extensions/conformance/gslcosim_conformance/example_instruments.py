@@ -17,6 +17,7 @@ from gslcosim.contract.messages import (
     NominalPlume,
     Reading,
     SensorDescription,
+    Task,
     Vec3,
 )
 from gslcosim.contract.record import NumericArray
@@ -27,6 +28,7 @@ SOURCE_M: Vec3 = (2.0, 4.0, 1.5)
 CLEAN_AIR_OHM = 50_000.0
 GAS = "ethanol"
 MISSION = f"Find the source of {GAS} in the room: come within 1 m of it in at most 10000 s."
+TASK = Task(goal="source", success_radius_m=1.0, time_limit_s=10_000.0, distance_of="vehicle")
 PLUME = NominalPlume(
     release_ppm_m3_s=1.6,
     puffs_per_s=10.0,

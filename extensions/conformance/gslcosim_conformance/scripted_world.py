@@ -55,6 +55,7 @@ from gslcosim_conformance.example_instruments import (
     ROOM_M,
     SAMPLED_SENSORS,
     SOURCE_M,
+    TASK,
     build_readings,
     build_samples,
     build_sensors,
@@ -105,13 +106,14 @@ def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
         search_height_m=START_M[2],
         hold_s=2.0,
-        time_limit_s=10_000.0,
+        time_limit_s=TASK.time_limit_s,
         sensors=build_sensors(needs),
         contract_hash=get_contract_hash(),
         channels=_CHANNELS if needs.radio else (),
         known_map=_MAP if "map" in needs.knows else None,
         plume=PLUME if "plume" in needs.knows else None,
         known_sources=(SOURCE_M,) if "source" in needs.knows else (),
+        task=TASK,
     )
 
 
@@ -234,7 +236,7 @@ def build_check_briefing(
         tick_ns=TICK_NS,
         period_ticks=1,
         seed=seed,
-        time_limit_s=10_000.0,
+        time_limit_s=TASK.time_limit_s,
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
         gases=(GAS,),
         vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=SAMPLED_SENSORS),),

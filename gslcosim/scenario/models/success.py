@@ -4,12 +4,11 @@ The blocks hold settings and words. `gslcosim_services.referee.success` judges b
 """
 
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, SerializeAsAny
 
 from gslcosim.base.plugins import EntryPoints
-from gslcosim.contract.missions import word_declaration
 from gslcosim.scenario.models.base import OneOf, Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
@@ -21,8 +20,14 @@ class SuccessSpec(Spec):
     """Base of all criteria: `of` names the criterion, `within_m` is the success radius [m].
 
     Beliefs are scored with the same radius, whatever the criterion. One of a third party derives from this class,
-    narrows `of` to its name, and says what its task is.
+    narrows `of` to its name, and says what its task is: as a sentence, and as fields of `Task` in the briefing.
     """
+
+    distance_of: ClassVar[Literal["vehicle", "declaration", "belief"] | None] = None
+    asks_for_declaration: ClassVar[bool] = False
+    n_sources: ClassVar[int | None] = 1
+    # The sentence, without its subject, that reports the success of an agent.
+    met_text: ClassVar[str] = "has found the source"
 
     within_m: Positive = Field(default=1.0, description="success radius")
     of: str = Field(description="criterion")
@@ -45,11 +50,6 @@ class SuccessSpec(Spec):
     def drawn_radius_m(self) -> float | None:
         """The radius drawn around each source [m]; None draws nothing. Where heights do not count it is a column."""
         return self.within_m
-
-    @property
-    def met_text(self) -> str:
-        """The sentence, without its subject, that says of an agent that it succeeded."""
-        return "has found the source"
 
     @abstractmethod
     def task_text(self, gas: str) -> str:
@@ -79,6 +79,7 @@ class SourceSuccess(_PlaceSpec):
     With `horizontal` heights do not count: distances are those in the plane.
     """
 
+    distance_of = "vehicle"
     of: Literal["source"] = "source"  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
@@ -102,11 +103,14 @@ class DeclarationSuccess(_PlaceSpec):
     With `horizontal` heights do not count: distances are those in the plane.
     """
 
+    distance_of = "declaration"
+    asks_for_declaration = True
     of: Literal["declaration"] = "declaration"  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""
-        return f"Find the source of {gas} in the room: {word_declaration(self.within_m)}{self._in_the_plane}"
+        what = f"declare a position within {self.within_m:g} m of it{self._in_the_plane}"
+        return f"Find the source of {gas} in the room: {what}"
 
     @property
     def summary_text(self) -> str:
@@ -121,17 +125,15 @@ class AllSourcesSuccess(_PlaceSpec):
     there are.
     """
 
+    distance_of = "vehicle"
+    n_sources = None
+    met_text = "has found all sources"
     of: Literal["all_sources"] = "all_sources"  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def reach_m(self) -> float | None:
         """None: the shortest tour of all sources is not computed."""
         return None
-
-    @property
-    def met_text(self) -> str:
-        """The sentence that says of an agent that it succeeded."""
-        return "has found all sources"
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""
@@ -149,15 +151,12 @@ class MapSuccess(SuccessSpec):
     A belief with two axes is judged in the plane. An agent that sends no beliefs cannot succeed.
     """
 
+    distance_of = "belief"
+    met_text = "has mapped the source"
     of: Literal["map"] = "map"  # pyright: ignore[reportIncompatibleVariableOverride]
     mass_at_least: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.5, description="minimum probability within the success radius in the last belief"
     )
-
-    @property
-    def met_text(self) -> str:
-        """The sentence that says of an agent that it succeeded."""
-        return "has mapped the source"
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""

@@ -1,4 +1,8 @@
-"""Flies the bundled dung beetle through the gateway: `framed.py stdio|socket msgpack|json`."""
+"""Flies the bundled dung beetle through the gateway: `framed.py stdio|socket msgpack|json [VERSION KEYS]`.
+
+With a version it is an agent of that contract: it does not know KEYS, separated by commas, which are newer, and states
+the version in its first command.
+"""
 
 import importlib.util
 import json
@@ -66,18 +70,21 @@ def message_of(message_type, fields):
 
 def main():
     """Fly until the ending, or the end of the stream."""
-    door, frame_format = sys.argv[1:3]
+    door, frame_format, *past = sys.argv[1:]
     beetle_type = load_beetle()
     stream_in, stream_out = open_streams(door, frame_format)
+    stated, unknown = ({"contract": past[0]}, past[1].split(",")) if past else ({}, ())
     agent = None
     while (fields := receive(stream_in, frame_format)) and fields["message"] != "Ending":
+        fields = {key: value for key, value in fields.items() if key not in unknown}
         if fields["message"] == "Briefing":
             agent = beetle_type(message_of(Briefing, fields))
             continue
         observation = message_of(Observation, fields)
         agent.observe(observation)
         if observation.awaiting_command:
-            send(stream_out, frame_format, agent.decide(observation).model_dump(exclude_none=True))
+            send(stream_out, frame_format, agent.decide(observation).model_dump(exclude_none=True) | stated)
+            stated = {}
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ Held by:
 """
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -58,7 +57,6 @@ _REFUSED_RADIUS_M = 0.25
 _WIDEST_SPREAD_RAD = 1.5
 # A leg keeps this far from what a map shows as solid.
 _CLEARANCE_M = 0.3
-_ARRIVAL = re.compile(r"come within ([0-9.]+) m of it")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -358,9 +356,9 @@ class InformationAgent(SearchAgent):
 
 
 def arrival_radius_m(briefing: Briefing) -> float:
-    """Return the success radius that the mission text states [m]; 0 where it asks for a declaration."""
-    found = _ARRIVAL.search(briefing.mission)
-    return float(found.group(1)) if found else 0.0
+    """Return the success radius where the vehicle's arrival at one source ends the search [m]; 0 elsewhere."""
+    task = briefing.task
+    return task.success_radius_m if task is not None and task.goal == "source" else 0.0
 
 
 def max_box_probability(p: Array, reach: int) -> float:

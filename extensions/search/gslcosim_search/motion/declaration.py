@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit.commands import declaration
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
-from gslcosim.contract.missions import asks_for_declaration
 from gslcosim_search import beliefs
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.legs import to_millimetre
@@ -362,7 +361,7 @@ class MissionDeclarer:
         self._end: PlumeEndRule | None = None
         self._fit: PlumeFitRule | None = None
         self._vane = next(iter(find_vanes(briefing)), None)
-        if not asks_for_declaration(briefing.mission):
+        if briefing.task is None or not briefing.task.asks_for_declaration:
             return
         limit_s, threshold = briefing.time_limit_s, self._level.threshold
         if plume_end == "by_mission":

@@ -2,17 +2,19 @@ import math
 
 import numpy as np
 import pytest
+from briefings import task_of
 from team_flight import TeamFlight, plume
 
+from gslcosim.scenario.models.success import SourceSuccess
 from gslcosim_agents.collaborative_infotaxis.agent import CollaborativeInfotaxis
 
 SOURCE = (4.0, 5.0)
 STARTS = {"ada": (11.0, 3.0), "bob": (12.0, 4.0), "cyd": (11.0, 6.0)}
-MISSION = "Find the source; come within 1.0 m of it."
+COME = task_of(SourceSuccess())
 
 
 def team(*, gas=None, **changes):
-    settings = {"hold_s": 1.0, "mission": MISSION, **changes}
+    settings = {"hold_s": 1.0, "task": COME, **changes}
     return TeamFlight(CollaborativeInfotaxis, STARTS, gas=gas or plume(SOURCE), **settings)
 
 

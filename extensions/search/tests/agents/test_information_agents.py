@@ -5,10 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from briefings import PLUME, briefing, observation
+from briefings import PLUME, briefing, observation, task_of
 from ribbon_world import Ribbon, fly
 from scipy.special import kve
 
+from gslcosim.scenario.models.success import SourceSuccess
 from gslcosim_agents.cognitive_search.agent import CognitiveSearch
 from gslcosim_agents.dual_control.agent import DualControl
 from gslcosim_agents.entrotaxis.agent import Entrotaxis
@@ -20,7 +21,7 @@ from gslcosim_agents.space_aware_infotaxis.agent import SpaceAwareInfotaxis
 from gslcosim_search.information.information_agent import OBJECTIVES
 
 PID = (("pid", "nose"), ("anemometer", "vane"))
-COME = "Find the source of ethanol in the room: come within 1 m of it in at most 300 s."
+COME = task_of(SourceSuccess())
 every_agent = pytest.mark.parametrize(
     "agent_type",
     [
@@ -74,7 +75,7 @@ def bits(p):
 
 @every_agent
 def test_it_finds_the_source_of_a_plume_in_a_steady_wind(agent_type):
-    flight = fly(agent_type, Ribbon(half_m=0.4, spread=0.08), mission=COME, limit_s=120.0)
+    flight = fly(agent_type, Ribbon(half_m=0.4, spread=0.08), task=COME, limit_s=120.0)
     assert flight.found_s is not None
 
 
@@ -160,7 +161,7 @@ def test_its_belief_is_over_the_volume_and_small_enough_to_publish():
 @pytest.mark.parametrize(("height_m", "sign"), [(6.2, 1.0), (0.8, -1.0)])
 def test_infotaxis_3d_climbs_or_dives_to_a_source_above_or_below(height_m, sign):
     """Where arrival ends the run, the chance to find the source decides."""
-    agent = Infotaxis3d(briefing(sensors=PID, mission=COME, parameters={"declares": False}))
+    agent = Infotaxis3d(briefing(sensors=PID, task=COME, parameters={"declares": False}))
     start_m = (7.2, 5.2, height_m - sign * 2.0)
     agent.observe(at(4.0, start_m))
     sure_of(agent, (7.2, 5.2, height_m))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from briefings import briefing, observation
+from briefings import briefing, observation, task_of
 
 from gslcosim.contract.messages import Bounds
 from gslcosim.scenario.models.success import DeclarationSuccess
@@ -119,8 +119,7 @@ def test_gas_that_no_plume_explains_and_air_without_wind_declare_nothing():
 
 def declared_by_mission(plume_fit, *, sensors=(("pid", "nose"), ("anemometer", "vane"))):
     """Where a method that flies lanes through a plume declares its source at the end of the time."""
-    mission = DeclarationSuccess(horizontal=True).task_text("ethanol") + " in at most 300 s."
-    one = briefing(sensors=sensors, mission=mission)
+    one = briefing(sensors=sensors, task=task_of(DeclarationSuccess()))
     declarer = MissionDeclarer(one, find_noses(one)[0], plume_fit=plume_fit)
     rng = np.random.default_rng(8)
     for i, place_m in enumerate(lanes()):

@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.contract.messages import KnownMap
+from gslcosim.contract.messages import KnownMap, Task
 from gslcosim.scenario.models.gas import FarrellGasSpec
-from gslcosim_services.sensing.briefing import build_briefing, build_known_map, build_nominal_plume
+from gslcosim.scenario.models.scenario import RefereeSpec
+from gslcosim_services.sensing.briefing import build_briefing, build_known_map, build_nominal_plume, build_task
 
 PILLAR = ("pillar", (3.0, 2.0, 0.0), (4.0, 3.0, 1.0))
 
@@ -21,6 +22,21 @@ def scenario_with(make_scenario):
         return type(make_scenario()).model_validate_json(__import__("json").dumps(values))
 
     return build
+
+
+@pytest.mark.parametrize(
+    ("success", "expected"),
+    [
+        ({"horizontal": True}, {"goal": "source", "distance_of": "vehicle", "is_horizontal": True}),
+        ({"of": "declaration"}, {"goal": "declaration", "distance_of": "declaration", "asks_for_declaration": True}),
+        ({"of": "all_sources"}, {"goal": "all_sources", "distance_of": "vehicle", "n_sources": None}),
+        ({"of": "map", "mass_at_least": 0.8}, {"goal": "map", "distance_of": "belief", "mass_at_least": 0.8}),
+    ],
+    ids=lambda item: item.get("of", item.get("goal")),
+)
+def test_the_task_has_what_the_criterion_asks_for_and_the_limits(success, expected):
+    referee = RefereeSpec.model_validate({"success": {"within_m": 0.5, **success}, "stop": {"time_limit_s": 90.0}})
+    assert build_task(referee) == Task(success_radius_m=0.5, time_limit_s=90.0, **expected)
 
 
 def test_no_knowledge_is_given_that_is_not_granted(make_room, scenario_with):

@@ -15,10 +15,10 @@ from gslcosim.contract.messages import (
     RadioReception,
     RadioTraffic,
     RadioTransmission,
+    Task,
 )
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.sensing.core import SensingCore, mount_velocity_world_m_s
 
@@ -100,15 +100,10 @@ def test_each_agent_is_briefed_once(core, scenario):
     assert {w.port for w in core.spec.writes if w.announced_in == "once"} == set(briefings)
 
 
-def test_the_mission_names_gas_radius_and_time(core):
-    mission = core.reset(Episode(seed=3))[keys.briefing("moth")].mission
-    assert mission == "Find the source of ethanol in the room: come within 0.75 m of it in at most 120 s."
-
-
-def test_a_declaration_task_is_reported_as_such(scenario, make_room):
-    referee = scenario.referee.model_copy(update={"success": DeclarationSuccess(within_m=0.75)})
-    core = SensingCore(scenario.model_copy(update={"referee": referee}), make_room())
-    assert "declare a position within 0.75 m" in core.reset(Episode(seed=3))[keys.briefing("moth")].mission
+def test_a_briefing_has_the_task_as_fields_and_as_a_sentence(core):
+    briefing = core.reset(Episode(seed=3))[keys.briefing("moth")]
+    assert briefing.task == Task(goal="source", success_radius_m=0.75, time_limit_s=120.0, distance_of="vehicle")
+    assert briefing.mission == "Find the source of ethanol in the room: come within 0.75 m of it in at most 120 s."
 
 
 def test_a_briefing_does_not_show_where_the_source_is(core):

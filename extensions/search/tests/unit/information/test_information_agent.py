@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from briefings import PLUME, briefing, observation, open_map
+from briefings import PLUME, briefing, observation, open_map, task_of
 
-from gslcosim.scenario.models.success import DeclarationSuccess
+from gslcosim.scenario.models.success import AllSourcesSuccess, DeclarationSuccess, MapSuccess, SourceSuccess
 from gslcosim_search.bayes.encounter_model import likelihoods_into
 from gslcosim_search.beliefs import CellGrid, best_ball, entropy_bits, mass_within
 from gslcosim_search.information import objectives as information_kernels
@@ -18,11 +18,10 @@ from gslcosim_search.information.information_agent import (
     direction_spread_rad,
     max_box_probability,
 )
-from gslcosim_services.sensing.briefing import mission_text
 
 WEST_RAD = math.pi  # the wind comes from -x and blows to +x
 PID = (("pid", "nose"), ("anemometer", "vane"))
-COME = "Find the source of ethanol in the room: come within 1 m of it in at most 300 s."
+COME = task_of(SourceSuccess())
 SETTINGS = {
     "cell_m": 0.5, "step_m": 1.0, "n_headings": 4, "climb_m": 1.0, "hold_s": None, "may_stay": False, "stop_s": 1.0,
     "wall_margin_m": 0.5, "threshold_ppm": 0.1, "floor": 0.02, "power": 0.5, "hits_at_1m": 1.0,
@@ -97,7 +96,7 @@ def test_a_floor_keeps_every_cell_possible():
 
 
 def test_what_was_passed_is_ruled_out_where_arrival_would_end_the_run():
-    coming, declaring = searcher(briefed=briefing(sensors=PID, mission=COME)), searcher()
+    coming, declaring = searcher(briefed=briefing(sensors=PID, task=COME)), searcher()
     for search in (coming, declaring):
         search.observe(seen(0.0, speed_m_s=0.0))
     even = 1.0 / (30 * 20)
@@ -108,7 +107,7 @@ def test_what_was_passed_is_ruled_out_where_arrival_would_end_the_run():
 
 
 def test_passing_again_rules_out_no_more():
-    search = searcher(briefed=briefing(sensors=PID, mission=COME))
+    search = searcher(briefed=briefing(sensors=PID, task=COME))
     for k in range(5):
         search.observe(seen(float(k), (7.0 + 3.0 * (k % 2), 5.0, 2.0), speed_m_s=0.0))
     assert search.p.min() == pytest.approx(0.1 * search.p.max())
@@ -230,13 +229,11 @@ def test_the_published_belief_is_that_of_the_searcher():
 # ------------------------------------------------------------------------------------------------ what is known
 
 
-def test_the_mission_s_sentence_shows_whether_arrival_ends_the_run(make_scenario):
-    scenario = make_scenario({})
-    coming = briefing(mission=mission_text(scenario))
-    assert arrival_radius_m(coming) == scenario.referee.success.within_m
-    referee = scenario.referee.model_copy(update={"success": DeclarationSuccess()})
-    declaring = briefing(mission=mission_text(scenario.model_copy(update={"referee": referee})))
-    assert arrival_radius_m(declaring) == 0.0
+def test_arrival_ends_the_search_where_one_source_has_to_be_reached():
+    assert arrival_radius_m(briefing(task=task_of(SourceSuccess(within_m=0.75)))) == 0.75
+    for success in (DeclarationSuccess(), AllSourcesSuccess(), MapSuccess()):
+        assert arrival_radius_m(briefing(task=task_of(success))) == 0.0
+    assert arrival_radius_m(briefing(task=None)) == 0.0
 
 
 def test_a_granted_plume_replaces_the_frozen_figures():

@@ -3,10 +3,9 @@
 import math
 
 import pytest
-from briefings import briefing, observation
+from briefings import briefing, observation, task_of
 
-from gslcosim.contract.messages import Bounds
-from gslcosim.contract.missions import asks_for_declaration
+from gslcosim.contract.messages import Bounds, Task
 from gslcosim.scenario.models.success import DeclarationSuccess, SourceSuccess
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.surge_cast.agent import SurgeCast
@@ -15,8 +14,7 @@ from gslcosim_search.motion.declaration import MissionDeclarer, PlumeEndRule
 from gslcosim_search.senses.instruments import Nose, find_noses
 
 WEST_RAD = math.pi  # the wind comes from -x
-DECLARE = DeclarationSuccess(horizontal=True).task_text("ethanol") + " in at most 300 s."
-ARRIVE = SourceSuccess().task_text("ethanol") + " in at most 300 s."
+DECLARE, ARRIVE = task_of(DeclarationSuccess()), task_of(SourceSuccess())
 # A source at x = 4 m above the nose: the most gas is met 2 m downwind of it.
 GAS = [(8.0, 4.0), (7.0, 6.0), (6.0, 9.0), (5.0, 6.0), (4.3, 2.0)]
 PLUME = [*GAS, (3.0, 0.0), (2.0, 0.05), (1.0, 0.0)]
@@ -113,15 +111,9 @@ def test_gas_far_away_or_in_another_wind_moves_no_end():
     assert rule.estimate(3.0).position_m == pytest.approx((6.0, 5.0))
 
 
-def test_only_a_mission_that_asks_for_a_declaration_gets_one():
-    assert asks_for_declaration(DECLARE)
-    assert not asks_for_declaration(ARRIVE)
-    assert not asks_for_declaration(briefing().mission)
-
-
-def declared_m(mission: str, *, sensor: str = "pid", values=(0.0, 5.0), **parameters):
+def declared_m(task: Task | None, *, sensor: str = "pid", values=(0.0, 5.0), **parameters):
     """Where a watch that has met gas at x = 7 m sees the source at the end of the time."""
-    one = briefing(sensors=((sensor, "nose"),), mission=mission)
+    one = briefing(sensors=((sensor, "nose"),), task=task)
     watch = MissionDeclarer(one, find_noses(one)[0], **parameters)
     clean, gas = values
     for tick in range(200):
@@ -137,16 +129,17 @@ def test_a_nose_in_ppm_and_one_in_ohms_see_the_same_end():
     assert declared_m(DECLARE, sensor="tgs2600", values=(40e3, 20e3)) == pytest.approx((7.0, 5.0, 2.0))
 
 
-def test_clean_air_another_mission_and_the_setting_declare_nothing():
+def test_clean_air_another_task_and_the_setting_declare_nothing():
     assert declared_m(DECLARE, values=(0.0, 0.0)) is None
     assert declared_m(ARRIVE) is None
+    assert declared_m(None) is None
     assert declared_m(DECLARE, plume_end="never") is None
 
 
 @pytest.mark.parametrize("agent_type", [SurgeCast, EColi])
-@pytest.mark.parametrize("mission", [DECLARE, ARRIVE])
-def test_reactive_methods_declare_late_where_the_mission_asks_for_it(agent_type, mission):
-    agent = agent_type(briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mission=mission))
+@pytest.mark.parametrize("task", [DECLARE, ARRIVE], ids=["declare", "arrive"])
+def test_reactive_methods_declare_late_where_the_task_asks_for_it(agent_type, task):
+    agent = agent_type(briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), task=task))
     said = []
     for i, ppm in enumerate([5.0, 0.0, 0.0]):
         readings = {"nose": ppm, "vane": (0.5, WEST_RAD)}
@@ -154,7 +147,7 @@ def test_reactive_methods_declare_late_where_the_mission_asks_for_it(agent_type,
         agent.observe(seen := seen.model_copy(update={"time_s": 1.0 + 140.0 * i}))
         said.append(agent.decide(seen))
     places = [command.declaration.position_world_m for command in said if command.declaration is not None]
-    assert places == ([pytest.approx((7.0, 5.0, 2.0))] if mission is DECLARE else [])
+    assert places == ([pytest.approx((7.0, 5.0, 2.0))] if task is DECLARE else [])
 
 
 def test_the_blind_guess_is_the_middle_of_the_room_once():
@@ -166,7 +159,7 @@ def test_the_blind_guess_is_the_middle_of_the_room_once():
 
 
 def test_a_nose_of_hits_counts_them():
-    one = briefing(sensors=(("binary", "nose"),), mission=DECLARE)
+    one = briefing(sensors=(("binary", "nose"),), task=DECLARE)
     watch = MissionDeclarer(one, Nose(name="nose", unit="1", mount_body_m=(0.0, 0.0, 0.0)))
     watch.add(observation(tick=1, readings={"nose": 1.0}))
     assert watch.estimate(observation(tick=2).model_copy(update={"time_s": 299.0})) is not None
