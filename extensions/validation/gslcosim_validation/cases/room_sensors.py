@@ -10,7 +10,6 @@ from gslcosim.environment.model import Environment, Grid, Opening, WindFrames
 from gslcosim.flow.patches import Inlet, Outlet
 from gslcosim.flow.solve import solve_wind
 from gslcosim_services.fields.gas_builder import build_gas_field
-from gslcosim_validation.agreement import rank_correlation
 from gslcosim_validation.gas_models import build_gas_scenario
 from gslcosim_validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim_validation.readers.room_sensors import RoomExperiment, RoomSensors
@@ -269,8 +268,12 @@ def _rows(each: MeasuredSet, found: list[tuple[RoomExperiment, SensorFigures, Se
 
 
 def _onset_correlation(theirs: SensorFigures, ours: SensorFigures) -> float:
+    from scipy.stats import rankdata
+
     both = np.isfinite(theirs.onset_s) & np.isfinite(ours.onset_s)
-    return rank_correlation(theirs.onset_s[both], ours.onset_s[both]) if both.sum() > 2 else np.nan
+    if both.sum() < 3:
+        return np.nan
+    return float(np.corrcoef(rankdata(theirs.onset_s[both]), rankdata(ours.onset_s[both]))[0, 1])
 
 
 # At the sensors with the most lively readings where they were measured; without whiffs of ours the ratio is 0.
