@@ -71,7 +71,9 @@ def test_a_campaign_is_known_by_its_table_and_not_by_its_folder(tmp_path, monkey
 def test_figures_that_are_undefined_are_neither_met_nor_missed():
     values = (math.nan, 0.7, 0.4, np.inf)
     rows = [
-        Comparison(measured_set="yard", quantity=f"{x}", ours=plain_estimate(x), goal=Goal.at_least(0.5), if_missed="!")
+        Comparison(
+            measured_set="yard", quantity=f"{x}", ours=plain_estimate(x), goal=Goal.parse("≥ 0.5"), if_missed="!"
+        )
         for x in values
     ]
     assert [row.is_met for row in rows] == [None, True, False, True]
