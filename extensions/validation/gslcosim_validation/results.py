@@ -101,10 +101,6 @@ class CaseResult:
 Progress = Callable[[str, float | None], None]
 
 
-def ignore_progress(text: str, fraction: float | None) -> None:
-    """Discard progress."""
-
-
 class Figure:
     """One of our figures, for a row of the table of cases.
 
@@ -163,7 +159,7 @@ class Case:
         """Return whether a folder has what the case needs."""
         return any(data.of_format(name) for name in self.formats) or bool(self.published and data.has_published)
 
-    def run(self, data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
+    def run(self, data: MeasuredData, effort: Effort, progress: Progress = lambda text, fraction: None) -> CaseResult:
         """Return the figures of a folder of measured data beside their goals and anchors."""
         module = importlib.import_module(f"gslcosim_validation.cases.{self.name.replace('-', '_')}")
         if self.published:
