@@ -45,17 +45,6 @@ def normalised_mean_square_error(predicted: Floats, measured: Floats) -> Floats:
     return ((measured - predicted) ** 2).mean(axis=-1) / (measured.mean(axis=-1) * predicted.mean(axis=-1))
 
 
-def rank_correlation(a: Floats, b: Floats) -> float:
-    """Return Spearman's rank correlation of two (n,) rows; equal values share the mean of their ranks."""
-    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
-
-
-def _ranks(values: Floats) -> Floats:
-    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(counts)
-    return (ends - 0.5 * (counts + 1))[inverse]
-
-
 def agreement_estimate(
     measure: Callable[[Floats, Floats], Floats], predicted: Floats, measured: Floats, blocks: NDArray
 ) -> Estimate:

@@ -10,7 +10,7 @@ from gslcosim.base.errors import build_path_error
 from gslcosim.base.untrusted_input import read_json
 from gslcosim_data.figures.style import new_figure, styled
 from gslcosim_data.text_tables import Markdown, format_markdown_table
-from gslcosim_validation.cases import CASE_MODULES, load_case
+from gslcosim_validation.cases import load_case, read_cases
 from gslcosim_validation.results import Case, CaseResult, Comparison, Effort
 
 PAGE = "reality.md"
@@ -105,7 +105,7 @@ def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -
 def write_page(folder: Path) -> Path:
     """Write the page of all results that are stored below a folder, and return its path."""
     stored = [
-        read_json(path, StoredResult) for name in CASE_MODULES if (path := folder / RESULTS / f"{name}.json").is_file()
+        read_json(path, StoredResult) for name in read_cases() if (path := folder / RESULTS / f"{name}.json").is_file()
     ]
     path = folder / PAGE
     try:

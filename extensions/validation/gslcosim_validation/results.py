@@ -1,8 +1,10 @@
 """Results of cases: figures of ours beside their goals and anchors, each with an interval, and drawings."""
 
+import importlib
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
@@ -22,19 +24,23 @@ class Goal:
     text: str
 
     @classmethod
-    def at_least(cls, low: float, *, of: int | None = None) -> "Goal":
-        """Return a goal with a least value; `of` how many there are, for counts."""
-        return cls(low, math.inf, f"≥ {low:g}" + (f" of {of}" if of is not None else ""))
-
-    @classmethod
-    def at_most(cls, high: float) -> "Goal":
-        """Return a goal with a greatest value."""
-        return cls(-math.inf, high, f"≤ {high:g}")
-
-    @classmethod
-    def between(cls, low: float, high: float) -> "Goal":
-        """Return a goal with both."""
-        return cls(low, high, f"{low:g} to {high:g}")
+    def parse(cls, text: str) -> "Goal":
+        """Return the goal of a text: `≥ 0.5`, `≥ 7 of 8`, a share `≥ 16/18 of 9`, `≤ 3`, `0.5 to 2`, `1 ± 20 %`."""
+        if text.startswith("≥ "):
+            low, _, n = text.removeprefix("≥ ").partition(" of ")
+            if "/" in low:
+                low = str(math.ceil(Fraction(low) * int(n)))
+            return cls(float(low), math.inf, f"≥ {low} of {n}" if n else text)
+        if text.startswith("≤ "):
+            return cls(-math.inf, float(text.removeprefix("≤ ")), text)
+        middle, is_band, width = text.partition(" ± ")
+        if is_band:
+            centre = float(Fraction(middle))
+            half = float(width.removesuffix(" %"))
+            half *= abs(centre) / 100.0 if width.endswith(" %") else 1.0
+            return cls(centre - half, centre + half, text)
+        low, _, high = text.partition(" to ")
+        return cls(float(low), float(high), text)
 
     def is_met(self, value: float) -> bool:
         """Return whether a value reaches the goal."""
@@ -95,35 +101,127 @@ class CaseResult:
 Progress = Callable[[str, float | None], None]
 
 
-def ignore_progress(text: str, fraction: float | None) -> None:
-    """Discard progress."""
+class Figure:
+    """One of our figures, for a row of the table of cases.
+
+    Attributes:
+        row: Name of the row.
+        ours: The figure with its interval.
+        of: What it is of, where texts of the row depend on that.
+        words: Values of what stands in braces in the row.
+    """
+
+    def __init__(self, row: str, ours: Estimate, of: str = "", **words: object) -> None:
+        """Make a figure."""
+        self.row, self.ours, self.of, self.words = row, ours, of, words
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """Findings of a case about one measured set.
+
+    Attributes:
+        figures: In the order of the page.
+        drawings: By the names that the table of cases has: each gets an empty figure of matplotlib and fills it.
+        remarks: Words of the remarks that are shown, by their names; None: all, none of which has any.
+    """
+
+    figures: Sequence[Figure] = ()
+    drawings: Mapping[str, Callable[[Any], None]] = field(default_factory=dict[str, Callable[[Any], None]])
+    remarks: Mapping[str, Mapping[str, object]] | None = None
+
+
+# A text, or texts by what they depend on; see the head of `cases.yaml`.
+Text = str | Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One comparison with measurements, or with published figures.
+    """One comparison with measurements, or with published figures: a block of `cases.yaml`, which describes the fields.
 
-    Attributes:
-        name: Of the command line.
-        title: Heading on the page.
-        what: What of ours is compared with what, in a sentence or two, for the page.
-        formats: Formats of measured data, of which a folder needs one at least; empty: none is needed.
-        needs_published: Whether it needs `published.json`.
-        run: From the data, the effort and a receiver of progress to the result. `quick` is for tests and a
-            first look: coarser, fewer cases, the same code.
+    Its module has `measure(content, effort, progress)`, which returns `Findings`. The content is a set as its reader
+    returns it, or the values of a published entry. `quick` is for tests and a first look: coarser, fewer cases, the
+    same code.
     """
 
     name: str
     title: str
     what: str
-    run: Callable[[MeasuredData, Effort, Progress], CaseResult]
-    formats: tuple[str, ...] = ()
-    needs_published: bool = False
+    rows: Mapping[str, Mapping[str, Text]]
+    drawings: Mapping[str, Mapping[str, Any]]
+    formats: Sequence[str] = ()
+    published: str = ""
+    set: str = ""
+    reasons: Mapping[str, str] = field(default_factory=dict[str, str])
+    remarks: Mapping[str, Text] = field(default_factory=dict[str, Text])
 
     def can_run_on(self, data: MeasuredData) -> bool:
         """Return whether a folder has what the case needs."""
-        has_format = not self.formats or any(data.of_format(name) for name in self.formats)
-        return has_format and (data.has_published or not self.needs_published)
+        return any(data.of_format(name) for name in self.formats) or bool(self.published and data.has_published)
+
+    def run(self, data: MeasuredData, effort: Effort, progress: Progress = lambda text, fraction: None) -> CaseResult:
+        """Return the figures of a folder of measured data beside their goals and anchors."""
+        module = importlib.import_module(f"gslcosim_validation.cases.{self.name.replace('-', '_')}")
+        if self.published:
+            found = module.measure(data.published(self.published), effort, progress)
+            return self._compare(found, self.set, "")
+        results: list[CaseResult] = []
+        for each in (each for name in self.formats for each in data.of_format(name)):
+            progress(f"{each.name}: reading", None)
+
+            def tell(text: str, fraction: float | None, name: str = each.name) -> None:
+                progress(f"{name}: {text}", fraction)
+
+            found = module.measure(data.read(each, object), effort, tell)
+            results.append(self._compare(found, each.name, each.campaign))
+        return CaseResult(
+            rows=[row for result in results for row in result.rows],
+            drawings=[drawing for result in results for drawing in result.drawings],
+            remarks=list(dict.fromkeys(remark for result in results for remark in result.remarks)),
+        )
+
+    def _compare(self, found: Findings, set_name: str, campaign: str) -> CaseResult:
+        stem, begin = ("", "") if self.published else (f"{set_name}-", f"{set_name}: ")
+        remarks = {name: {} for name in self.remarks} if found.remarks is None else found.remarks
+        texts = (choose_text(self.remarks[name], campaign).format(set=set_name, **remarks[name]) for name in remarks)
+        return CaseResult(
+            rows=[self._row(figure, set_name, campaign) for figure in found.figures],
+            drawings=[
+                Drawing(
+                    name=f"{stem}{name}",
+                    caption=f"{begin}{self.drawings[name]['caption']}",
+                    draw=draw,
+                    aspect=self.drawings[name]["aspect"],
+                )
+                for name, draw in found.drawings.items()
+            ],
+            remarks=[text for text in texts if text],
+        )
+
+    def _row(self, figure: Figure, set_name: str, campaign: str) -> Comparison:
+        row = self.rows[figure.row]
+
+        def fill(name: str) -> str:
+            return choose_text(row.get(name, ""), campaign, figure.of).format(n=figure.ours.n, **figure.words)
+
+        goal, reason = fill("goal"), choose_text(row.get("if_missed", ""), campaign, figure.of)
+        return Comparison(
+            measured_set=set_name,
+            quantity=fill("quantity"),
+            ours=figure.ours,
+            unit=fill("unit"),
+            anchor=fill("anchor"),
+            goal=Goal.parse(goal) if goal else None,
+            if_missed=self.reasons.get(reason, reason),
+        )
+
+
+def choose_text(text: Text, campaign: str, of: str = "") -> str:
+    """Return the text for a campaign and for what a figure is of; empty where there is none."""
+    if isinstance(text, str):
+        return text
+    keys = (f"{campaign} {of}", of, campaign, "others")
+    return next((text[key] for key in keys if key in text), "")
 
 
 def median_estimate(values: Iterable[float]) -> Estimate:

@@ -7,13 +7,15 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import jinja2
 import pyarrow.compute as pc
 
 from gslcosim_archive.dataset.croissant import Publication, PublishedFile, build_citation
 from gslcosim_archive.dataset.tables import LEFT_OUT, Origin, PublishedTable, remove_folders
-from gslcosim_bench.store import WALL, ManifestEntry
+from gslcosim_bench.store import WALL, ManifestEntry, ResultsManifest
 from gslcosim_data.text_tables import escape_markdown, format_code, format_markdown_table
 
 _compute: Any = pc
@@ -130,106 +132,74 @@ def build_datasheet(
     Args:
         tables: Flights, and their samples if they are published.
     """
-    counts = count_dataset(origins, tables)
-    parts = [
-        f"# {_text(publication.name)}",
-        _text(publication.description),
-        f"```python\n{EXAMPLE}```",
-        *_describe_files(tables, suite_files),
-        *_describe_motivation(origins),
-        *_describe_composition(origins, tables, counts),
-        *_describe_collection(origins),
-        "## Preprocessing",
-        PREPROCESSING,
-        "## Uses",
-        "It is made to:",
-        _bullets(USES),
-        "What may not be concluded:",
-        _bullets(LIMITS),
-        "## Distribution",
-        f"License: <{publication.license}>. It covers the tables and this sheet; programs in `suite/` keep the "
-        "license that their authors gave them.",
-        f"Published {publication.date.isoformat()} by {_text(', '.join(publication.authors) or 'anonymous')}"
-        f"{f', <{publication.url}>' if publication.url else ''}. Cite it as:",
-        f"```bibtex\n{build_citation(publication)}\n```",
-        "## Maintenance",
-        MAINTENANCE,
-        "## Columns",
-        *(part for table in tables for part in _describe_columns(table)),
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def _describe_files(tables: Sequence[PublishedTable], suite_files: Sequence[PublishedFile]) -> tuple[str, ...]:
-    rows = [(format_code(table.file), f"{table.table.num_rows} rows; a row is {table.row}") for table in tables]
-    rows += [
-        (
-            format_code("suite/"),
-            f"the suite of each folder of results, {len(suite_files)} files: gslcosim bench plan reads it",
-        ),
-        (format_code("croissant.json"), "files with hashes and columns, for programs (Croissant 1.0)"),
-    ]
-    joined = "Both tables have the column `trial`; it joins them."
-    left_out = "Tracks are not published: flights of the suite with the same seed and software have them again."
-    return "## Files", _table(("file", "content"), rows), joined if len(tables) > 1 else left_out
-
-
-def _describe_motivation(origins: Sequence[Origin]) -> tuple[str, ...]:
-    suite = origins[0].suite.suite
-    asked = f" The suite asks: {_text(suite.question)}" if suite.question else ""
-    title = f" ({_text(suite.title)})" if suite.title else ""
-    return (
-        "## Motivation",
-        f"The rows of the suite {format_code(suite.name)}{title} were flown to compare methods of gas source "
-        f"localization.{asked} They are published so that anybody can check or redo the comparison.",
+    counts, rows, suite = count_dataset(origins, tables), tables[0].table, origins[0].suite.suite
+    known: dict[str, ManifestEntry] = {}
+    for origin in origins:
+        for entry in origin.manifest.get("entries", []):
+            known.setdefault(entry["name"], entry)
+    manifests = [(origin.name, origin.manifest) for origin in origins]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent), trim_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    # Names of others are text and no markup.
+    environment.filters |= {"text": lambda text: escape_markdown(remove_folders(text)), "code": format_code}
+    return environment.get_template("datasheet.md.jinja").render(
+        publication=publication,
+        example=EXAMPLE,
+        tables=tables,
+        files=_list_files(tables, suite_files),
+        suite=suite,
+        numbers=_list_counts(counts),
+        entries=[_describe_entry(known.get(name, {"name": name}), n) for name, n in _count(rows, "entry")],
+        count=lambda name: sorted(_count(rows, name)),
+        is_incomplete=counts.flights < counts.planned,
+        dropped=[
+            (name, each["case"], each["reason"])
+            for name, manifest in manifests
+            for each in manifest.get("dropped") or ()
+        ],
+        seeds=[
+            (each.name, "sealed" if each.seed is None else each.seed, each.commitment or "", each.key or "not signed")
+            for each in origins
+        ],
+        is_sealed=any(origin.commitment for origin in origins),
+        versions=[_describe_versions(*each) for each in manifests],
+        machines=[_describe_machine(*each) for each in manifests],
+        columns=_describe_columns,
+        citation=build_citation(publication),
+        table=_table,
+        wall=WALL,
+        collection=COLLECTION,
+        preprocessing=PREPROCESSING,
+        uses=USES,
+        limits=LIMITS,
+        maintenance=MAINTENANCE,
+        missing=_MISSING,
+        privacy=PRIVACY,
     )
 
 
-def _describe_composition(
-    origins: Sequence[Origin], tables: Sequence[PublishedTable], counts: Counts
-) -> tuple[str, ...]:
-    rows = tables[0].table
-    is_incomplete = counts.flights < counts.planned
-    found = [
+def _list_files(tables: Sequence[PublishedTable], suite_files: Sequence[PublishedFile]) -> list[tuple[str, str]]:
+    suite = f"the suite of each folder of results, {len(suite_files)} files: gslcosim bench plan reads it"
+    return [
+        *((format_code(table.file), f"{table.table.num_rows} rows; a row is {table.row}") for table in tables),
+        (format_code("suite/"), suite),
+        (format_code("croissant.json"), "files with hashes and columns, for programs (Croissant 1.0)"),
+    ]
+
+
+def _list_counts(counts: Counts) -> list[tuple[str, int]]:
+    return [
         ("flights", counts.flights), ("of these controls without gas", counts.controls),
-        *([("flights of the suites with all entries", counts.planned)] if is_incomplete else []),
+        *([("flights of the suites with all entries", counts.planned)] if counts.flights < counts.planned else []),
         *([] if counts.samples is None else [("samples of tracks", counts.samples)]),
         ("entries", counts.entries), ("cases", counts.cases),
         ("rooms with their wind", counts.rooms), ("plumes", counts.plumes),
     ]  # fmt: skip
-    entries: dict[str, ManifestEntry] = {}
-    for origin in origins:
-        for entry in origin.manifest.get("entries", []):
-            entries.setdefault(entry["name"], entry)
-    flown = Counter(rows["entry"].to_pylist())
-    dropped = [
-        (origin.name, each["case"], each["reason"])
-        for origin in origins
-        for each in origin.manifest.get("dropped") or ()
-    ]
-    parts = [
-        "## Composition",
-        _table(("what", "number"), found),
-        "Entries:",
-        _table(
-            ("entry", "family", "language", "knows", "parameters that differ from its defaults", "program", "flights"),
-            [_describe_entry(entries.get(name, {"name": name}), n) for name, n in flown.items()],
-        ),
-        "Flights by family of cases, outcome, status and validity:",
-        *(
-            _table((name, "flights"), sorted(Counter(rows[name].to_pylist()).items()))
-            for name in ("family", "outcome", "status", "validity")
-        ),
-        f"Rows whose status is not `flown` count as failures at the time limit. {_MISSING} {PRIVACY}",
-    ]
-    if is_incomplete:
-        parts.append(
-            "A part of the suites was flown. Entries have different numbers of flights, so compare them in cases that "
-            "all of them flew."
-        )
-    if dropped:
-        parts += ["Cases of the suite that could not be flown:", _table(("results", "case", "reason"), dropped)]
-    return tuple(parts)
+
+
+def _count(rows: Any, name: str) -> list[tuple[str, int]]:
+    return list(Counter(rows[name].to_pylist()).items())
 
 
 def _describe_entry(entry: ManifestEntry, n_flights: int) -> tuple[object, ...]:
@@ -245,58 +215,24 @@ def _describe_entry(entry: ManifestEntry, n_flights: int) -> tuple[object, ...]:
     )
 
 
-def _describe_collection(origins: Sequence[Origin]) -> tuple[str, ...]:
-    versions, machines = [], []
-    for origin in origins:
-        manifest = origin.manifest
-        listed = ", ".join(f"{name} {version}" for name, version in (manifest.get("versions") or {}).items())
-        versions.append((origin.name, listed, manifest.get("software_hash") or "", manifest.get("suite_hash") or ""))
-        machine, wall = manifest.get("machine") or {}, manifest.get("wall") or {}
-        machines.append((
-            origin.name, wall.get("started_at") or "", machine.get("cpu") or "", machine.get("cores") or "",
-            machine.get("platform") or "",
-        ))  # fmt: skip
-    seeds = [
-        (each.name, "sealed" if each.seed is None else each.seed, each.commitment or "", each.key or "not signed")
-        for each in origins
-    ]
-    parts = [
-        "## Collection process",
-        COLLECTION,
-        _table(("results", "seed of the suite", "commitment", "key of the signature"), seeds),
-    ]
-    if any(origin.commitment for origin in origins):
-        parts.append(
-            "A sealed seed was drawn before the flights, and its commitment is a SHA-256 of the recipe of the cases, "
-            "the seed and a nonce; `gslcosim bench reveal` checks it."
-        )
-    return (
-        *parts,
-        _table(("results", "versions", "software", "cases"), versions),
-        "Software and cases are hashes: rows of one software are the same to the bit on every machine, but for the "
-        f"columns `{WALL}…` and `sandbox`.",
-        _table(("results", "begun", "processor", "cores", "system"), machines),
-    )
+def _describe_versions(name: str, manifest: ResultsManifest) -> tuple[str, ...]:
+    listed = ", ".join(f"{package} {version}" for package, version in (manifest.get("versions") or {}).items())
+    return name, listed, manifest.get("software_hash") or "", manifest.get("suite_hash") or ""
 
 
-def _describe_columns(table: PublishedTable) -> tuple[str, ...]:
-    rows = [
+def _describe_machine(name: str, manifest: ResultsManifest) -> tuple[object, ...]:
+    machine, wall = manifest.get("machine") or {}, manifest.get("wall") or {}
+    return name, wall.get("started_at") or "", *(machine.get(key) or "" for key in ("cpu", "cores", "platform"))
+
+
+def _describe_columns(table: PublishedTable) -> list[tuple[object, ...]]:
+    return [
         (format_code(column.name), str(table.table.schema.field(column.name).type), column.meaning,
          table.table[column.name].null_count)
         for column in table.columns
     ]  # fmt: skip
-    return f"### `{table.file}`", _table(("column", "type", "description", "absent in"), rows)
-
-
-def _bullets(texts: Iterable[str]) -> str:
-    return "\n".join(f"- {text}" for text in texts)
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     shown = ([remove_folders(cell) if type(cell) is str else cell for cell in row] for row in rows)
     return "\n".join(format_markdown_table(headings, shown))
-
-
-# Names of others are text and no markup.
-def _text(text: str) -> str:
-    return escape_markdown(remove_folders(text))

@@ -8,7 +8,6 @@ import numpy as np
 
 from gslcosim.base.errors import ModelError, ShapeError
 from gslcosim_bench.statistics.estimates import Estimate, as_finite_row, check_same_length, two_sided_z
-from gslcosim_bench.statistics.pairs import mean_ranks
 
 EASY, MEDIUM, HARD = "easy", "medium", "hard"
 
@@ -245,9 +244,11 @@ def grades(difficulty: np.ndarray) -> list[str]:
     Args:
         difficulty: (n,) difficulties, any unit; higher is harder.
     """
+    from scipy.stats import rankdata
+
     difficulty = as_finite_row(difficulty, "difficulty")
     # (rank - 1/2) / n against 1/3 and 2/3, in whole numbers: ranks may be halves.
-    sixths = 3.0 * (2.0 * mean_ranks(difficulty) - 1.0)
+    sixths = 3.0 * (2.0 * rankdata(difficulty) - 1.0)
     n = difficulty.size
     return [EASY if place < 2 * n else HARD if place > 4 * n else MEDIUM for place in sixths]
 

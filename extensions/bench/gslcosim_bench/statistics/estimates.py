@@ -1,55 +1,15 @@
-"""Estimates with intervals, the bootstrap samples behind them, and quantiles of distributions."""
+"""Estimates with intervals, the bootstrap samples behind them, and quantiles for them."""
 
 import hashlib
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sized
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from statistics import NormalDist
 
 import numpy as np
+from scipy import special
 
 from gslcosim.base.errors import ShapeError
-
-
-def normal_quantile(probability: float) -> float:
-    """Return the point below which the standard normal distribution has this probability."""
-    return NormalDist().inv_cdf(probability)
-
-
-def two_sided_z(level: float) -> float:
-    """Return z such that a standard normal number lies within ±z with the probability `level`; 1.96 for 0.95."""
-    return normal_quantile(0.5 + level / 2.0)
-
-
-def normal_tail(z: float) -> float:
-    """Return the probability that a standard normal number is above z."""
-    return 0.5 * math.erfc(z / math.sqrt(2.0))
-
-
-# SciPy takes a fifth of a second to load, which nothing waits for that asks for no such quantile.
-def beta_quantile(probability: float, a: float, b: float) -> float:
-    """Return the point below which the beta distribution with shapes a and b, both > 0, has this probability."""
-    from scipy import special
-
-    return float(special.betaincinv(a, b, probability))
-
-
-@lru_cache(maxsize=1024)
-def student_quantile(probability: float, freedom: float) -> float:
-    """Return the point below which Student's t has this probability, 0 < probability < 1."""
-    from scipy import special
-
-    return float(special.stdtrit(freedom, probability))
-
-
-def student_tail(t: float, freedom: float) -> float:
-    """Return the probability that Student's t is above a number."""
-    from scipy import special
-
-    return float(special.stdtr(freedom, -t))
-
 
 LEVEL = 0.95
 """Confidence level of every interval unless another is asked for."""
@@ -91,6 +51,16 @@ UNDEFINED = Estimate(math.nan, math.nan, math.nan, 0)
 """The estimate without a value or an interval."""
 
 
+def two_sided_z(level: float) -> float:
+    """Return z such that a standard normal number lies within ±z with the probability `level`; 1.96 for 0.95."""
+    return float(special.ndtri(0.5 + level / 2.0))
+
+
+def student_quantile(probability: float, freedom: float) -> float:
+    """Return the point below which Student's t has this probability, 0 < probability < 1."""
+    return float(special.stdtrit(freedom, probability))
+
+
 def make_generator(seed: Seed) -> np.random.Generator:
     """Return the generator itself, or a new one from a seed."""
     return seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
@@ -114,7 +84,9 @@ def percentile_interval(draws: np.ndarray, freedom: int | None = None) -> tuple[
     known = np.sort(draws[~np.isnan(draws)])
     if known.size == 0 or freedom == 0:
         return math.nan, math.nan
-    share = (1.0 - LEVEL) / 2.0 if freedom is None else normal_tail(student_quantile(0.5 + LEVEL / 2.0, freedom))
+    share = (1.0 - LEVEL) / 2.0
+    if freedom is not None:
+        share = float(special.ndtr(-student_quantile(0.5 + LEVEL / 2.0, freedom)))
     tail = math.floor(share * known.size)
     return float(known[tail]), float(known[known.size - 1 - tail])
 

@@ -105,13 +105,6 @@ def _sum_clusters(differences: np.ndarray, clusters: np.ndarray | None) -> np.nd
     return by_cluster
 
 
-def mean_ranks(values: np.ndarray) -> np.ndarray:
-    """Return ranks from 1 for the lowest value; equal values share the mean of their ranks, (n,)."""
-    _, code, count = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(count)
-    return (last - (count - 1) / 2.0)[code.reshape(-1)]
-
-
 def _differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     a, b = as_finite_row(a, "a"), as_finite_row(b, "b")
     check_same_length(a=a, b=b)

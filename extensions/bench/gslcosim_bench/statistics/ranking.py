@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.estimates import (
@@ -15,7 +16,6 @@ from gslcosim_bench.statistics.estimates import (
     SEED,
     Estimate,
     student_quantile,
-    student_tail,
 )
 from gslcosim_bench.statistics.sampling_units import LinearisedMeans, SamplingUnits, compute_means
 
@@ -200,7 +200,7 @@ class _Family:
 
     def p_values(self, start: int, stop: int) -> Floats:
         t = self._t[start:stop] * (1.0 - _ROUNDING)
-        found = np.array([2.0 * student_tail(each, self._freedom) if self._freedom else 1.0 for each in t.tolist()])
+        found = 2.0 * special.stdtr(self._freedom, -t) if self._freedom else np.ones(t.shape)
         for largest in self._largest:
             if len(largest):
                 reached = len(largest) - np.searchsorted(largest, t)

@@ -1,10 +1,10 @@
 """ROC curves: how well declared confidence separates environments with a source from those without one."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import optimize, special
 
 from gslcosim_bench.statistics.estimates import (
     LEVEL,
@@ -96,8 +96,6 @@ def _share_from(scores: np.ndarray, threshold: np.ndarray) -> np.ndarray:
 
 
 def _area(positive: np.ndarray, negative: np.ndarray) -> Estimate:
-    from scipy import special
-
     m, n = positive.size, negative.size
     if m == 0 or n == 0:
         return UNDEFINED
@@ -125,19 +123,11 @@ def _beaten(scores: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _newcombe(area: float, m: int, n: int) -> tuple[float, float]:
     z, more = two_sided_z(LEVEL), (m + n) / 2.0 - 1.0
 
-    def is_outside(t: float) -> bool:
+    def excess(t: float) -> float:
         variance = t * (1.0 - t) / (m * n) * (1.0 + more * (1.0 - t) / (2.0 - t) + more * t / (1.0 + t))
-        return (area - t) ** 2 > z * z * variance
+        return (area - t) ** 2 - z * z * variance
 
-    return _edge(is_outside, 0.0, area), _edge(is_outside, 1.0, area)
-
-
-# Where, between a point outside and one inside, the inside begins.
-def _edge(is_outside: Callable[[float], bool], outside: float, inside: float) -> float:
-    for _ in range(60):
-        middle = 0.5 * (outside + inside)
-        if is_outside(middle):
-            outside = middle
-        else:
-            inside = middle
-    return 0.5 * (outside + inside)
+    # The area itself is a root too where it is 0 or 1: the search begins beside it.
+    ends = ((end, area + 1e-9 * (end - area)) for end in (0.0, 1.0))
+    low, high = (float(optimize.root_scalar(excess, bracket=each).root) if each[0] != area else area for each in ends)
+    return low, high

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.aggregates import bootstrap_cells
@@ -18,7 +19,6 @@ from gslcosim_bench.statistics.estimates import (
     UNDEFINED,
     Estimate,
     as_finite_row,
-    beta_quantile,
     bootstrap,
     check_same_length,
     degrees_of_freedom,
@@ -120,7 +120,7 @@ def restricted_mean(
         return UNDEFINED
     mean_limit_s = float(np.mean(limit_s))
     if not np.any(reached):
-        none_high = beta_quantile(0.5 + LEVEL / 2.0, 1, n)
+        none_high = float(special.betaincinv(1, n, 0.5 + LEVEL / 2.0))
         return Estimate(float(counted_s.mean()), mean_limit_s * (1.0 - none_high), mean_limit_s, n)
     if cells is not None and (clusters is not None or np.ptp(np.bincount(encode_labels(cells))) > 0):
         return bootstrap_cells(counted_s, cells, clusters=clusters)

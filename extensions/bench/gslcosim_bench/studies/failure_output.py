@@ -1,7 +1,6 @@
 """Failures of a method as JSON, Markdown and a page, each with a picture of its room, gas and tracks."""
 
 import base64
-import html
 import io
 import math
 import shlex
@@ -9,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
 from PIL import Image, ImageDraw
 
@@ -20,7 +20,7 @@ from gslcosim_bench.studies.output import write_text
 from gslcosim_data.text_tables import escape_markdown, format_markdown_table
 
 FAILURES_SCHEMA = "gslcosim/failures/1"
-PICTURES = "pictures"
+PICTURES, MARKDOWN, PAGE = "pictures", "failures.md", "failures.html"
 _SHOWN = 8
 """Failures in the gallery, and contrasts in the table."""
 _CLEAR_P = 0.1
@@ -28,8 +28,7 @@ _PICTURE_PX = 360
 _GAS_DECADES = 3.0
 _WALL, _FLOOR, _GAS = (88, 92, 98), (244, 244, 241), (196, 92, 20)
 _METHOD, _ORACLE, _SOURCE = (24, 84, 190), (30, 130, 70), (190, 20, 40)
-
-Rgb = tuple[int, int, int]
+_HEADS = ("factor", "level", "failures", "elsewhere", "p")
 
 
 def failures_to_json(search: FailureSearch) -> dict[str, Any]:
@@ -145,32 +144,57 @@ def write_failures(search: FailureSearch, folder: Path, films: Mapping[str, Path
     pictures = draw_failures(folder, [each.outcome for each in search.failures[:_SHOWN]])
     for name, picture in pictures.items():
         (folder / PICTURES / f"{name}.png").write_bytes(picture)
-    write_text(folder / "failures.md", build_markdown(search, folder, films))
-    page = folder / "failures.html"
-    write_text(page, build_page(search, folder, pictures, films))
-    return page
+    for name in (MARKDOWN, PAGE):
+        write_text(folder / name, render_failures(name, search, folder, pictures, films))
+    return folder / PAGE
 
 
-def build_markdown(search: FailureSearch, folder: Path, films: Mapping[str, Path]) -> str:
-    """Return the report as Markdown, with pictures by relative paths."""
-    entry, space = escape_markdown(search.entry), escape_markdown(search.space.name)
-    lines = [f"# Failures of {entry} in {space}", "", *map(escape_markdown, _facts(search)), ""]
-    if contrasts := list_clear_contrasts(search):
-        heads = ("factor", "level", "failures", "elsewhere", "p")
-        table = format_markdown_table(heads, map(_contrast_cells, contrasts))
-        lines += ["## What failures have in common", "", *table, ""]
-    if search.failures:
-        lines += ["## The worst cases", ""]
-    for i, each in enumerate(search.failures[:_SHOWN], 1):
-        name = each.outcome.case.name
-        lines += [f"### {i}. {name}, severity {each.severity:.2f}", ""]
-        lines += [f"![{name}]({PICTURES}/{name}.png)", "", escape_markdown(f"It {describe_failure(each)}"), ""]
-        levels = describe_levels(search, each.outcome).items()
-        lines += [f"- {escape_markdown(f'{factor}: {level}')}" for factor, level in levels]
-        lines += ["", "```sh", build_fly_command(folder, each.outcome), "```", ""]
-        if name in films:
-            lines += [f"Film: [{films[name].name}]({films[name].relative_to(folder)})", ""]
-    return "\n".join(lines).rstrip() + "\n"
+def render_failures(
+    name: str, search: FailureSearch, folder: Path, pictures: Mapping[str, bytes], films: Mapping[str, Path]
+) -> str:
+    """Return the report as `MARKDOWN`, with pictures by relative paths, or as `PAGE`, which needs no file but films.
+
+    Args:
+        name: Which of the two.
+        pictures: PNG of cases, by the name of the case.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "page"), autoescape=name == PAGE, trim_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    environment.filters["md"] = escape_markdown
+    contrasts = [_contrast_cells(each) for each in list_clear_contrasts(search)]
+    text = environment.get_template(f"{name}.jinja").render(
+        title=f"Failures of {search.entry} in {search.space.name}",
+        facts=_facts(search),
+        heads=_HEADS,
+        contrasts=contrasts,
+        table="\n".join(format_markdown_table(_HEADS, contrasts)),
+        failures=[_describe_for_page(search, folder, each, pictures, films) for each in search.failures[:_SHOWN]],
+        pictures=PICTURES,
+    )
+    return text.rstrip() + "\n"
+
+
+def _describe_for_page(
+    search: FailureSearch,
+    folder: Path,
+    each: RankedFailure,
+    pictures: Mapping[str, bytes],
+    films: Mapping[str, Path],
+) -> dict[str, Any]:
+    name = each.outcome.case.name
+    film = films.get(name)
+    return {
+        "name": name,
+        "severity": f"{each.severity:.2f}",
+        "picture": base64.b64encode(pictures.get(name, b"")).decode(),
+        "text": f"It {describe_failure(each)}",
+        "levels": describe_levels(search, each.outcome),
+        "command": build_fly_command(folder, each.outcome),
+        "film": film and film.relative_to(folder),
+        "film_name": film and film.name,
+    }
 
 
 def _facts(search: FailureSearch) -> list[str]:
@@ -185,76 +209,6 @@ def _facts(search: FailureSearch) -> list[str]:
 
 def _contrast_cells(each: Contrast) -> list[str]:
     return [each.factor, each.level, _percent(each.rate), _percent(each.other), f"{each.p:.2g}"]
-
-
-_CSS = """
-:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
-body { max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; } th, td { text-align: left; padding: .25rem 1rem .25rem 0; }
-.scroll { overflow-x: auto; }
-.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 2rem; }
-figure { margin: 0; } img { max-width: 100%; background: #fff; } code { overflow-wrap: anywhere; }
-dl { display: grid; grid-template-columns: auto 1fr; gap: 0 1rem; margin: .5rem 0; } dd { margin: 0; }
-"""
-
-
-def build_page(search: FailureSearch, folder: Path, pictures: Mapping[str, bytes], films: Mapping[str, Path]) -> str:
-    """Return the report as a page that needs no other file but films."""
-    title = html.escape(f"Failures of {search.entry} in {search.space.name}")
-    parts = [f"<h1>{title}</h1>", *(f"<p>{html.escape(fact)}</p>" for fact in _facts(search))]
-    if contrasts := list_clear_contrasts(search):
-        heads = "".join(f"<th scope=col>{head}</th>" for head in ("factor", "level", "failures", "elsewhere", "p"))
-        rows = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in _contrast_cells(each))}</tr>"
-            for each in contrasts
-        )
-        parts.append(
-            "<h2>What failures have in common</h2>"
-            f"<div class=scroll tabindex=0><table><tr>{heads}</tr>{rows}</table></div>"
-            "<p>Among random cases, with 95 % intervals; p of Fisher's exact test, not corrected for their number.</p>"
-        )
-    if search.failures:
-        parts.append(f"<h2>The worst cases</h2><p>{html.escape(LEGEND)}</p><div class=gallery>")
-        parts += [
-            _figure(search, folder, i, each, pictures, films) for i, each in enumerate(search.failures[:_SHOWN], 1)
-        ]
-        parts.append("</div>")
-    return (
-        f"<!doctype html><html lang=en><head><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-        f"<title>{title}</title><style>{_CSS}</style></head><body><main>{''.join(parts)}</main></body></html>\n"
-    )
-
-
-LEGEND = (
-    "From above: grey is solid at the search height, brown the mean gas there, blue the method from its start "
-    "(square), green the oracle, the red ring the source."
-)
-
-
-def _figure(
-    search: FailureSearch,
-    folder: Path,
-    i: int,
-    each: RankedFailure,
-    pictures: Mapping[str, bytes],
-    films: Mapping[str, Path],
-) -> str:
-    name = each.outcome.case.name
-    data = base64.b64encode(pictures[name]).decode() if name in pictures else ""
-    levels = "".join(
-        f"<dt>{html.escape(factor)}</dt><dd>{html.escape(level)}</dd>"
-        for factor, level in describe_levels(search, each.outcome).items()
-    )
-    text = f"It {describe_failure(each)}"
-    image = (
-        f"<img alt='{html.escape(f'{name} from above: {text}')}' src='data:image/png;base64,{data}'>" if data else ""
-    )
-    film = f"<p><a href='{html.escape(str(films[name].relative_to(folder)))}'>Film</a></p>" if name in films else ""
-    command = html.escape(build_fly_command(folder, each.outcome))
-    return (
-        f"<figure><h3>{i}. {html.escape(name)}, severity {each.severity:.2f}</h3>{image}"
-        f"<figcaption><p>{html.escape(text)}</p><dl>{levels}</dl>{film}<code>{command}</code></figcaption></figure>"
-    )
 
 
 def draw_failures(folder: Path, outcomes: Sequence[CaseOutcome]) -> dict[str, bytes]:

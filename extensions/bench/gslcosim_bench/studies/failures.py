@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,21 +20,19 @@ from gslcosim_bench.cases.models import (
     SCHEMA,
     EntrySpec,
     ScenarioSpec,
-    Selection,
     Suite,
     as_overrides,
 )
-from gslcosim_bench.cases.plan import Plan, build_plan, combine_hashes
+from gslcosim_bench.cases.plan import build_plan, combine_hashes
 from gslcosim_bench.cases.suite_files import LoadedSuite
 from gslcosim_bench.execution.pool import Pool
-from gslcosim_bench.execution.runner import Progress, StaleRows, SuiteRun
+from gslcosim_bench.execution.runner import Progress, StaleRows
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.rates import wilson
 from gslcosim_bench.store import ResultsFolder
+from gslcosim_bench.studies.runner import Row, SharedPool, StudyRunner
 from gslcosim_bench.studies.search_space import SearchSpace, get_place
 from gslcosim_bench.studies.target import find_method_entry
-
-Row = Mapping[str, Any]
 
 BATCH = 8
 """Cases that are drawn at once, whatever the number of workers: it is part of the result."""
@@ -193,8 +190,7 @@ class FinderProgress:
 class FailureFinder:
     """One call of `gslcosim bench failures`.
 
-    It always begins at the first batch. Cases are drawn again by the seed, and runs that are in the folder are not
-    repeated, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
+    Cases are drawn again by the seed in each call; `StudyRunner` resumes them.
     """
 
     def __init__(
@@ -229,24 +225,21 @@ class FailureFinder:
         self._space = space
         self._budget = budget
         self._seed = seed
-        self._folder = ResultsFolder(folder)
-        self._start_pool = cache(start_pool)
-        self._confirm_put_aside = confirm_put_aside
-        self._report = report
+        self._pool = SharedPool(start_pool)
+        self._runner = StudyRunner(
+            ResultsFolder(folder), self._pool, report=report, confirm_put_aside=confirm_put_aside
+        )
         self._tell = tell
-        self._plan: Plan | None = None
         self._specs: list[ScenarioSpec] = []
-        self._rows = {row["trial"]: row for row in self._folder.rows()}
         self._outcomes: list[CaseOutcome] = []
         self._n_drawn = 0
         self._n_runs = 0
-        self._n_flown_now = 0
 
     def find(self) -> FailureSearch:
         """Search, fly the worst again with other seeds, and return what came of it."""
         explore = round(EXPLORE_SHARE * self._budget)
         refine = explore + round(REFINE_SHARE * self._budget)
-        try:
+        with self._pool:
             while n := self._batch_within(explore):
                 self._fly("random cases", [self._random_case() for _ in range(n)])
             while n := self._batch_within(refine):
@@ -255,18 +248,14 @@ class FailureFinder:
             n_worst = (self._budget - self._n_runs) // (2 * N_AGAIN)
             worst = [each.outcome.case for each in self._ranked()[:n_worst]]
             self._fly("the worst again", [self._reseed(case, k + 1) for case in worst for k in range(N_AGAIN)])
-            if self._folder.journal.is_file() and self._plan is not None:
-                self._run(self._plan)
-        finally:
-            if self._start_pool.cache_info().currsize:
-                self._start_pool().close()
+            self._runner.finish()
         return FailureSearch(
             entry=self.entry.name,
             space=self._space,
             seed=self._seed,
             budget=self._budget,
             n_runs=self._n_runs,
-            n_flown_now=self._n_flown_now,
+            n_flown_now=self._runner.n_flown_now,
             outcomes=tuple(self._outcomes),
             failures=tuple(self._ranked()),
             contrasts=tuple(compute_contrasts(self._space, [o for o in self._outcomes if not o.case.parent])),
@@ -393,9 +382,9 @@ class FailureFinder:
         self._specs += [self._spec(case) for case in cases if case.name not in known]
         part = build_plan(self._suite([spec for spec in self._specs if spec.name in names]))
         wanted = [trial for trial in part.trials if trial.entry == entry]
-        before = self._plan.trials if self._plan is not None else ()
+        plan = self._runner.plan
+        before, cases_before = (plan.trials, plan.cases) if plan is not None else ((), ())
         trials = [replace(trial, index=len(before) + i) for i, trial in enumerate(wanted)]
-        cases_before = self._plan.cases if self._plan is not None else ()
         new = [case for case in part.cases if case.name not in {each.name for each in cases_before}]
         plan = replace(
             part,
@@ -404,22 +393,8 @@ class FailureFinder:
             trials=(*before, *trials),
             suite_hash=combine_hashes([trial.case_hash for trial in (*before, *part.trials)]),
         )
-        self._plan = plan
-        if any(trial.id not in self._rows for trial in trials):
-            self._run(plan)
         self._n_runs += len(trials)
-        return {trial.case: self._rows[trial.id] for trial in trials}
-
-    def _run(self, plan: Plan) -> None:
-        run = SuiteRun(
-            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True,
-            confirm_put_aside=self._confirm_put_aside, report=self._report,
-        )  # fmt: skip
-        summary = run.fly()
-        self._n_flown_now += summary.n_flown
-        if summary.is_interrupted:
-            raise KeyboardInterrupt
-        self._rows = {row["trial"]: row for row in self._folder.rows()}
+        return {row["case"]: row for row in self._runner.run(plan, trials)}
 
     def _spec(self, case: SearchedCase) -> ScenarioSpec:
         return ScenarioSpec(
@@ -456,6 +431,8 @@ def compute_contrasts(space: SearchSpace, outcomes: Sequence[CaseOutcome]) -> li
     Args:
         outcomes: Of random cases, which alone are drawn evenly.
     """
+    from scipy.stats import fisher_exact
+
     found: list[Contrast] = []
     failed = np.array([each.is_failure for each in outcomes], dtype=bool)
     for name, labels in _levels(space, outcomes):
@@ -464,13 +441,14 @@ def compute_contrasts(space: SearchSpace, outcomes: Sequence[CaseOutcome]) -> li
             if not inside.any() or inside.all():
                 continue
             counts = [(int(failed[some].sum()), int(some.sum())) for some in (inside, ~inside)]
+            test: Any = fisher_exact([(k, n - k) for k, n in counts])
             found.append(
                 Contrast(
                     factor=name,
                     level=level,
                     rate=wilson(*counts[0]),
                     other=wilson(*counts[1]),
-                    p=_fisher_p(*counts[0], *counts[1]),
+                    p=float(test.pvalue),
                 )
             )
     return sorted(found, key=lambda each: (each.p, each.factor, each.level))
@@ -507,10 +485,3 @@ def _thirds(values: Sequence[float]) -> list[str]:
     edges = [float(f"{edge:.3g}") for edge in np.quantile(values, [0.0, 1 / 3, 2 / 3, 1.0])] if values else []
     labels = [f"{low:g} to {high:g}" for low, high in pairwise(edges)]
     return [labels[sum(value > edge for edge in edges[1:-1])] for value in values]
-
-
-def _fisher_p(a: int, n_a: int, b: int, n_b: int) -> float:
-    from scipy.stats import fisher_exact
-
-    result: Any = fisher_exact([[a, n_a - a], [b, n_b - b]])
-    return float(result.pvalue)

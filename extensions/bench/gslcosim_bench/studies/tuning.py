@@ -5,15 +5,14 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim_bench.cases.models import Case, Selection, derive_seed
+from gslcosim_bench.cases.models import Case, derive_seed
 from gslcosim_bench.cases.plan import Plan, build_plan, expand_cases
 from gslcosim_bench.execution.pool import Pool
-from gslcosim_bench.execution.runner import Progress, StaleRows, SuiteRun
+from gslcosim_bench.execution.runner import Progress, StaleRows
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.settings import (
     SettingFigures,
@@ -24,6 +23,7 @@ from gslcosim_bench.statistics.settings import (
     paired_p_value,
 )
 from gslcosim_bench.store import ResultsFolder
+from gslcosim_bench.studies.runner import Row, SharedPool, StudyRunner
 from gslcosim_bench.studies.target import (
     DEFAULT,
     ParameterRange,
@@ -36,8 +36,6 @@ from gslcosim_bench.studies.target import (
     with_changed_fields,
     with_disjoint_seeds,
 )
-
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,59 +139,14 @@ def _first_that_fly(subject: StudyTarget, lot: Sequence[str], *, n: int) -> list
         n_tried = 2 * n_tried
 
 
-class SettingRunner:
-    """Runs settings of an evaluation plan into a folder; runs that are there are not repeated."""
-
-    def __init__(
-        self,
-        evaluation: EvaluationPlan,
-        folder: ResultsFolder,
-        start_pool: Callable[[], Pool],
-        report: Callable[[Progress], None],
-        confirm_put_aside: Callable[[StaleRows], bool],
-    ) -> None:
-        """Take an evaluation plan, the folder of its rows, what starts the workers, and the receiver of progress.
-
-        `confirm_put_aside` is as of `SuiteRun`.
-
-        Workers that `start_pool` returns are not ended here: others go on with them.
-        """
-        self.evaluation = evaluation
-        self._folder = folder
-        self._start_pool = start_pool
-        self._report = report
-        self._confirm_put_aside = confirm_put_aside
-        self._plan: Plan | None = None
-        self._rows = {row["trial"]: row for row in folder.rows()}
-        self.n_flown_now = 0
-
-    def fly(self, settings: Sequence[Setting]) -> dict[str, list[Row]]:
-        """Return the rows of each setting by its name, flying what is missing."""
-        self._plan = self.evaluation.plan(settings, after=self._plan)
-        names = {setting.name for setting in settings}
-        wanted = [trial for trial in self._plan.trials if trial.entry in names]
-        if any(trial.id not in self._rows for trial in wanted):
-            self._run(self._plan)
-        found: dict[str, list[Row]] = {setting.name: [] for setting in settings}
-        for trial in wanted:
-            found[trial.entry].append(self._rows[trial.id])
-        return found
-
-    def finish(self) -> None:
-        """Leave whole tables, also where a call before this one was killed after its last run."""
-        if self._plan is not None and self._folder.journal.is_file():
-            self._run(self._plan)
-
-    def _run(self, plan: Plan) -> None:
-        run = SuiteRun(
-            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report,
-            confirm_put_aside=self._confirm_put_aside,
-        )  # fmt: skip
-        summary = run.fly()
-        self.n_flown_now += summary.n_flown
-        if summary.is_interrupted:
-            raise KeyboardInterrupt
-        self._rows = {row["trial"]: row for row in self._folder.rows()}
+def run_settings(runner: StudyRunner, evaluation: EvaluationPlan, settings: Sequence[Setting]) -> dict[str, list[Row]]:
+    """Return the rows of each setting of an evaluation plan by its name; run what is missing."""
+    plan = evaluation.plan(settings, after=runner.plan)
+    found: dict[str, list[Row]] = {setting.name: [] for setting in settings}
+    wanted = [trial for trial in plan.trials if trial.entry in found]
+    for trial, row in zip(wanted, runner.run(plan, wanted), strict=True):
+        found[trial.entry].append(row)
+    return found
 
 
 STUDY_NAME = "tuning"
@@ -412,8 +365,7 @@ class TuningProgress:
 class Tuner:
     """One call of `gslcosim bench tune`: asks, runs, reports; then validates.
 
-    It always begins at the first batch. The search is drawn again by its seed, and runs that are in the folder are
-    not run again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
+    The search is drawn again by its seed in each call; `StudyRunner` resumes it.
     """
 
     def __init__(
@@ -454,22 +406,17 @@ class Tuner:
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY_LOG)
             training, validation = self.evaluations()
-            # Workers start at the first run that flies, and serve all others.
-            start_pool = cache(self._start_pool)
-            try:
-                runner = self._runner(training, TRAINING, start_pool)
-                n_asked = self._search(search, runner)
+            with SharedPool(self._start_pool) as start_pool:
+                runner = self._runner(TRAINING, start_pool)
+                n_asked = self._search(search, runner, training)
                 runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
                 n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    runner = self._runner(validation, VALIDATION, start_pool)
-                    validated = self._validate(runner, best.setting)
+                    runner = self._runner(VALIDATION, start_pool)
+                    validated = self._validate(runner, validation, best.setting)
                     n_now += runner.n_flown_now
-            finally:
-                if start_pool.cache_info().currsize:
-                    start_pool().close()
         n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
         return TuningResult(
             suite=self._subject.loaded.suite.name,
@@ -499,13 +446,12 @@ class Tuner:
         )
         return training, validation
 
-    def _runner(self, plan: EvaluationPlan, name: str, start_pool: Callable[[], Pool]) -> SettingRunner:
-        return SettingRunner(
-            plan, ResultsFolder(self._folder / name), start_pool, self._report, self._confirm_put_aside
-        )
+    def _runner(self, name: str, start_pool: Callable[[], Pool]) -> StudyRunner:
+        folder = ResultsFolder(self._folder / name)
+        return StudyRunner(folder, start_pool, report=self._report, confirm_put_aside=self._confirm_put_aside)
 
     # Batches are of one size and given in order, so that nothing depends on which run was over first.
-    def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
+    def _search(self, search: OptunaSearch, runner: StudyRunner, training: EvaluationPlan) -> int:
         new = [Setting(name=DEFAULT, parameters={})]
         names = {self._default_values(): DEFAULT}
         n_left = self._budget.n_settings - 1
@@ -519,7 +465,7 @@ class Tuner:
                 if key not in names:
                     names[key] = f"s_{n_asked:03d}"
                     new.append(Setting(name=names[key], parameters=values))
-            self._take(new, runner.fly(new))
+            self._take(new, run_settings(runner, training, new))
             search.tell([float(self._flights[names[tuple(values.items())]].score.mean()) for values in asked])
             if n_asked == len(asked):
                 self._add_default(search)
@@ -554,12 +500,12 @@ class Tuner:
     def _over_default(self, name: str) -> Estimate | None:
         return None if name == DEFAULT else compute_difference(self._flights[name], self._flights[DEFAULT])
 
-    def _validate(self, runner: SettingRunner, best: Setting) -> Validation:
-        rows = runner.fly([Setting(name=DEFAULT, parameters={}), best])
+    def _validate(self, runner: StudyRunner, validation: EvaluationPlan, best: Setting) -> Validation:
+        rows = run_settings(runner, validation, [Setting(name=DEFAULT, parameters={}), best])
         runner.finish()
         a, b = group_runs(rows[best.name]), group_runs(rows[DEFAULT])
         return Validation(
-            seed=runner.evaluation.seed,
+            seed=validation.seed,
             best=compute_figures(a),
             default=compute_figures(b),
             difference=compute_difference(a, b),

@@ -9,69 +9,35 @@ from gslcosim.base.rng import stream
 from gslcosim_bench.statistics.estimates import Estimate, percentile_interval
 from gslcosim_search.fixed_sensors.laser_sources import Place, PlaceSearch, build_searches, find_rates_kg_s
 from gslcosim_validation.laser_data import LaserRows, collect_laser_rows
-from gslcosim_validation.readers.folder import MeasuredData
 from gslcosim_validation.readers.laser_paths import LaserPaths
-from gslcosim_validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress
+from gslcosim_validation.results import Effort, Figure, Findings, Progress
 
 Floats = NDArray[np.float64]
 
-# The authors' own estimates of Chilbolton's sources: the run with estimated spread that the goals are from.
-PLACE_GOALS_M = {"source_1": 3.0, "source_2": 0.75}
-RATE_GOAL_PERCENT = 6.0
-_ANCHOR = "the authors' runs: 0.15 to 36 m"
-_RATE_ANCHOR = "the authors' runs: 0.66 to 1.9 times the rate"
 _AROUND_M, _AROUND_STEP_M = 4.0, 0.5
 _DRAWS = {"quick": 8, "full": 60}
-_WHY_PLACE = (
-    "All beams start at one instrument, so a shift along them and a weaker source nearer to them look much the same; "
-    "releases with one wind direction do not tell them apart."
-)
-_WHY_RATE = "The rate follows the place: a source that is taken for nearer to the beams needs less gas."
 
 
-def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
-    rows: list[Comparison] = []
-    drawings: list[Drawing] = []
-    for each in data.of_format("laser_paths"):
-        paths = data.read(each, LaserPaths)
-        laser = collect_laser_rows(paths)
-        searches = build_searches(laser)
-        places: list[Place] = []
-        for i, search in enumerate(searches):
-            progress(f"{each.name}: search for {laser.names[i]}", 0.5 * i / len(searches))
-            places.append(search.find_best())
-        rates = find_rates_kg_s(laser, searches, places)
-        draws = _bootstrap(laser, searches, places, _DRAWS[effort], progress)
-        for i, minutes in enumerate(paths.sources):
-            is_theirs = each.campaign == "chilbolton" and minutes.source in PLACE_GOALS_M
-            truth = np.array(minutes.position_m[:2])
-            error_m = float(np.hypot(*(places[i] - truth)))
-            error_draws = np.hypot(*(draws[0][:, i] - truth).T)
-            off = 100.0 * (rates[i] / minutes.rate_kg_s - 1.0)
-            off_draws = 100.0 * (draws[1][:, i] / minutes.rate_kg_s - 1.0)
-            n = int((laser.source == i).sum())
-            rows += [
-                Comparison(
-                    measured_set=each.name,
-                    quantity=f"{minutes.source}: error of the place",
-                    unit="m",
-                    ours=Estimate(error_m, *percentile_interval(error_draws), n),
-                    anchor=_ANCHOR if is_theirs else "",
-                    goal=Goal.at_most(PLACE_GOALS_M[minutes.source]) if is_theirs else None,
-                    if_missed=_WHY_PLACE,
-                ),
-                Comparison(
-                    measured_set=each.name,
-                    quantity=f"{minutes.source}: error of the rate",
-                    unit="%",
-                    ours=Estimate(off, *percentile_interval(off_draws), n),
-                    anchor=_RATE_ANCHOR if is_theirs else "",
-                    goal=Goal.between(-RATE_GOAL_PERCENT, RATE_GOAL_PERCENT) if is_theirs else None,
-                    if_missed=_WHY_RATE,
-                ),
-            ]
-        drawings.append(_drawing(each.name, paths, places, draws[0]))
-    return CaseResult(rows=rows, drawings=drawings)
+def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
+    """Return the errors of place and rate of each source."""
+    laser = collect_laser_rows(paths)
+    searches = build_searches(laser)
+    places: list[Place] = []
+    for i, search in enumerate(searches):
+        progress(f"search for {laser.names[i]}", 0.5 * i / len(searches))
+        places.append(search.find_best())
+    rates = find_rates_kg_s(laser, searches, places)
+    drawn_places, drawn_rates = _bootstrap(laser, searches, places, _DRAWS[effort], progress)
+    figures: list[Figure] = []
+    for i, minutes in enumerate(paths.sources):
+        n, truth = int((laser.source == i).sum()), np.array(minutes.position_m[:2])
+        error_m = float(np.hypot(*(places[i] - truth)))
+        ends_m = percentile_interval(np.hypot(*(drawn_places[:, i] - truth).T))
+        off = 100.0 * (rates[i] / minutes.rate_kg_s - 1.0)
+        ends = percentile_interval(100.0 * (drawn_rates[:, i] / minutes.rate_kg_s - 1.0))
+        for row, ours in (("place", Estimate(error_m, *ends_m, n)), ("rate", Estimate(off, *ends, n))):
+            figures.append(Figure(row, ours, of=minutes.source, source=minutes.source))
+    return Findings(figures=figures, drawings={"places": lambda figure: _draw(figure, paths, places, drawn_places)})
 
 
 # Quarters of an hour are drawn together; the place is sought around that of all.
@@ -96,31 +62,13 @@ def _bootstrap(
     return found, rates
 
 
-def _drawing(name: str, paths: LaserPaths, places: list[Place], draws: Floats) -> Drawing:
-    def draw(figure: Any) -> None:
-        for i, axes in enumerate(figure.subplots(1, len(places), squeeze=False)[0]):
-            for end_m in paths.reflectors_m:
-                axes.plot(*zip(paths.instrument_m[:2], end_m[:2], strict=True), color="0.8", lw=0.8)
-            axes.plot(*draws[:, i].T, ".", ms=3, alpha=0.4, label="bootstrap")
-            axes.plot(*places[i], "o", ms=5, label="found")
-            axes.plot(*paths.sources[i].position_m[:2], "x", color="k", ms=7, label="true")
-            axes.set(title=paths.sources[i].source, xlabel="x [m]", aspect="equal")
-        figure.axes[0].set_ylabel("y [m]")
-        figure.axes[0].legend(loc="lower left")
-
-    caption = f"{name}: beams from above (grey), the place that was found and those of bootstrap samples, the true one."
-    return Drawing(name=f"{name}-places", caption=caption, draw=draw, aspect=0.7)
-
-
-CASE = Case(
-    name="laser-source",
-    title="A leak found by lasers",
-    what="Place and rate of a source that nobody has told: the same plume as above is fitted to the beams at each "
-    "place of a grid that refines, with a background for each beam and day and errors that may be large "
-    "(`gslcosim_search.fixed_sensors.source_search`); the rate is that which carries the mean. A source near the "
-    "ground (0.3 m) is taken for granted, as the authors do. Intervals are bootstraps over quarters of an hour, "
-    "in which the place is sought within 4 m of that of all. The ratio of means was chosen on these two sources, after "
-    "a robust regression had given 11 % too little on both; other sources are a test of it.",
-    formats=("laser_paths",),
-    run=_run,
-)
+def _draw(figure: Any, paths: LaserPaths, places: list[Place], draws: Floats) -> None:
+    for i, axes in enumerate(figure.subplots(1, len(places), squeeze=False)[0]):
+        for end_m in paths.reflectors_m:
+            axes.plot(*zip(paths.instrument_m[:2], end_m[:2], strict=True), color="0.8", lw=0.8)
+        axes.plot(*draws[:, i].T, ".", ms=3, alpha=0.4, label="bootstrap")
+        axes.plot(*places[i], "o", ms=5, label="found")
+        axes.plot(*paths.sources[i].position_m[:2], "x", color="k", ms=7, label="true")
+        axes.set(title=paths.sources[i].source, xlabel="x [m]", aspect="equal")
+    figure.axes[0].set_ylabel("y [m]")
+    figure.axes[0].legend(loc="lower left")

@@ -14,10 +14,10 @@ from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import make_model
+from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_validation.readers.columns import MeasuredDataError
-from gslcosim_validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim_validation.readers.leak_box import LeakBox, LeakCase
-from gslcosim_validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress, plain_estimate
+from gslcosim_validation.results import Effort, Figure, Findings, Progress, plain_estimate
 
 # Cells along the box; with 20 in place of 12 the first leak's mean and layers change by less than 2 %.
 CELLS: dict[Effort, int] = {"quick": 8, "full": 12}
@@ -107,118 +107,45 @@ class _Leak:
         return BoxProfile(at_end=self.case.profile_at(end_s), later=self.case.profile_at(end_s + LATER_S))
 
 
-def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
-    rows: list[Comparison] = []
-    drawings: list[Drawing] = []
-    for each in data.of_format("leak_box"):
-        box = data.read(each, LeakBox)
-        cases = box.cases[:: QUICK_EVERY if effort == "quick" else 1]
-        leaks = []
-        for i, case in enumerate(cases):
-            progress(case.name, i / len(cases))
-            ours = solve_leak(box, case, CELLS[effort])
-            leaks.append(_Leak(case, ours, solve_leak(box, case, PASSIVE_CELLS, has_buoyancy=False)))
-        rows += _rows(each, leaks)
-        drawings.append(_drawing(each.name, box, leaks))
-    is_nist = any(each.campaign == "nist_helium" for each in data.of_format("leak_box"))
-    return CaseResult(rows=rows, drawings=drawings, remarks=_REMARKS if is_nist else _REMARKS[:1])
-
-
-def _rows(each: MeasuredSet, leaks: Sequence[_Leak]) -> list[Comparison]:
-    n = len(leaks)
+def measure(box: LeakBox, effort: Effort, progress: Progress) -> Findings:
+    """Return how many leaks are near what was measured."""
+    cases = box.cases[:: QUICK_EVERY if effort == "quick" else 1]
+    leaks: list[_Leak] = []
+    for i, case in enumerate(cases):
+        progress(case.name, i / len(cases))
+        ours = solve_leak(box, case, CELLS[effort])
+        leaks.append(_Leak(case, ours, solve_leak(box, case, PASSIVE_CELLS, has_buoyancy=False)))
     late = [leak for leak in leaks if np.isfinite(leak.measured.later).all()]
-    is_nist = each.campaign == "nist_helium"
-
-    # Goals for 18 leaks of the campaign, in proportion where fewer of them are solved.
-    def goal(n_of_18: int, n_solved: int) -> Goal | None:
-        return Goal.at_least(-(-n_of_18 * n_solved // 18), of=n_solved) if is_nist else None
-
-    return [
-        Comparison(
-            measured_set=each.name,
-            quantity="leaks whose mean over the rake at the end of the release is within 20 %",
-            ours=_count(leaks, lambda x: x.at_end.mean(), MEAN_SHARE),
-            anchor="well-mixed formula without inflow: 12 of 18" if is_nist else "",
-            goal=goal(16, n),
-            if_missed="What flows through the holes is not what a discharge of 0.61 makes of the pressure inside.",
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="leaks whose difference top minus bottom is within 30 %",
-            ours=_count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE),
-            anchor="a model without buoyancy has no layers",
-            goal=goal(12, n),
-            if_missed="Plume or diffusion mix more or less than in the box.",
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="leaks whose mean one hour later is within 20 %",
-            ours=_count(late, lambda x: x.later.mean(), MEAN_SHARE),
-            anchor=f"{len(late)} series last as long",
-            goal=goal(12, len(late)),
-            if_missed="The exchange through one hole, in below and out above, is not that of two layers.",
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="the same difference within 30 %, gas that spreads as our filaments and drives nothing",
-            ours=_count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE, passive=True),
-            anchor="gas of scenarios today",
-            goal=goal(12, n),
-            if_missed="It has no buoyancy: the box is mixed from floor to ceiling. The gas that a scenario's "
-            "sensors read is passive; what drives the wind of the built-in solver, above, is `wind.buoyancy`.",
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="root mean square over leaks and sensors at the end of the release",
-            ours=plain_estimate(
-                float(np.sqrt(np.mean([(leak.ours.at_end - leak.measured.at_end) ** 2 for leak in leaks]))), n
-            ),
-            unit="volume %",
-            anchor="well-mixed formula: 13.2 (means)" if is_nist else "",
-        ),
-    ]
+    rms = float(np.sqrt(np.mean([(leak.ours.at_end - leak.measured.at_end) ** 2 for leak in leaks])))
+    return Findings(
+        figures=[
+            Figure("mean", _count(leaks, lambda x: x.at_end.mean(), MEAN_SHARE)),
+            Figure("layers", _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE)),
+            Figure("later", _count(late, lambda x: x.later.mean(), MEAN_SHARE)),
+            Figure("passive", _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE, passive=True)),
+            Figure("rms", plain_estimate(rms, len(leaks))),
+        ],
+        drawings={"profiles": lambda figure: _draw(figure, box, leaks)},
+    )
 
 
-def _count(leaks: Sequence[_Leak], figure: Any, share: float, *, passive: bool = False) -> Any:
+def _count(leaks: Sequence[_Leak], figure: Any, share: float, *, passive: bool = False) -> Estimate:
     pairs = [(figure(leak.passive if passive else leak.ours), figure(leak.measured)) for leak in leaks]
     return plain_estimate(sum(abs(ours - measured) <= share * abs(measured) for ours, measured in pairs), len(pairs))
 
 
-def _drawing(name: str, box: LeakBox, leaks: Sequence[_Leak]) -> Drawing:
-    def draw(figure: Any) -> None:
-        n_columns = min(6, len(leaks))
-        n_rows = -(-len(leaks) // n_columns)
-        axes = figure.subplots(n_rows, n_columns, squeeze=False, sharex=True, sharey=True)
-        z_m = box.rake_m[:, 2]
-        for each, leak in zip(axes.ravel(), leaks, strict=False):
-            each.plot(leak.measured.at_end, z_m, "o", ms=2.5, color="0.2", label="measured")
-            each.plot(leak.ours.at_end, z_m, "-", lw=1.2, color="C0", label="with buoyancy")
-            each.plot(leak.passive.at_end, z_m, ":", lw=1.0, color="C1", label="without")
-            each.set_title(leak.case.name, fontsize=6)
-        for each in axes[-1]:
-            each.set_xlabel("helium [%]")
-        for each in axes[:, 0]:
-            each.set_ylabel("z [m]")
-        axes[0, 0].legend(fontsize=5)
-
-    caption = f"{name}: helium on the rake at the end of each release."
-    return Drawing(name=f"{name}-profiles", caption=caption, draw=draw, aspect=0.6)
-
-
-_REMARKS = (
-    "The plume of a leak is narrower than any cell: it rises by the equations of Morton, Taylor and Turner 1956 with "
-    "an entrainment of 0.1 and ends under the ceiling. Holes are smaller than a cell: gas leaves and air enters by "
-    "Bernoulli at each height with a discharge of 0.61. Nothing is fitted; rates are those of the report.",
-    "What is left: a leak under the ceiling (UC) needs more cells than twelve (the difference of 3600_UC_SSV is 19.6, "
-    "with 20 cells 24.9, measured 25.4 volume %), and with an upper hole beside it too little gas leaves: the gas at a "
-    "hole is taken from the cell behind it, that much of a thick layer, and not from the thin layer under the ceiling.",
-)
-
-CASE = Case(
-    name="leak-box",
-    title="Helium in a box with small holes",
-    what="Eighteen leaks of helium into a box of 1.5 x 1.5 x 0.75 m, with density in the wind "
-    "(`gslcosim.flow.buoyancy`, in scenarios `wind.buoyancy`), beside seven sensors one above the other.",
-    formats=("leak_box",),
-    run=_run,
-)
+def _draw(figure: Any, box: LeakBox, leaks: Sequence[_Leak]) -> None:
+    n_columns = min(6, len(leaks))
+    n_rows = -(-len(leaks) // n_columns)
+    axes = figure.subplots(n_rows, n_columns, squeeze=False, sharex=True, sharey=True)
+    z_m = box.rake_m[:, 2]
+    for each, leak in zip(axes.ravel(), leaks, strict=False):
+        each.plot(leak.measured.at_end, z_m, "o", ms=2.5, color="0.2", label="measured")
+        each.plot(leak.ours.at_end, z_m, "-", lw=1.2, color="C0", label="with buoyancy")
+        each.plot(leak.passive.at_end, z_m, ":", lw=1.0, color="C1", label="without")
+        each.set_title(leak.case.name, fontsize=6)
+    for each in axes[-1]:
+        each.set_xlabel("helium [%]")
+    for each in axes[:, 0]:
+        each.set_ylabel("z [m]")
+    axes[0, 0].legend(fontsize=5)

@@ -1,5 +1,6 @@
 """Leaks in an office: onset, growth and whiffs at sensors, in our wind and filaments (Örebro)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,21 +11,9 @@ from gslcosim.environment.model import Environment, Grid, Opening, WindFrames
 from gslcosim.flow.patches import Inlet, Outlet
 from gslcosim.flow.solve import solve_wind
 from gslcosim_services.fields.gas_builder import build_gas_field
-from gslcosim_validation.agreement import rank_correlation
 from gslcosim_validation.gas_models import build_gas_scenario
-from gslcosim_validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim_validation.readers.room_sensors import RoomExperiment, RoomSensors
-from gslcosim_validation.results import (
-    Case,
-    CaseResult,
-    Comparison,
-    Drawing,
-    Effort,
-    Goal,
-    Progress,
-    median_estimate,
-    plain_estimate,
-)
+from gslcosim_validation.results import Effort, Figure, Findings, Progress, median_estimate, plain_estimate
 
 Floats = NDArray[np.float64]
 
@@ -48,23 +37,6 @@ N_STRONGEST = 5
 _RUN_S = 5400.0
 _QUICK_EXPERIMENTS = 2
 
-_WHY_ONSET = (
-    "The room had no forced wind, and what moved its air is not in the set. The measured order speaks of heat: in five "
-    "of Örebro's first eight experiments sensors high up tend to see gas first (rank correlation with height -0.1 to "
-    "-0.6), even where the liquid stood on the floor at the window, as if warm air rose there and spread from above. "
-    "Our wind knows the supply alone, whose flow rate and place are guesses, and no warm bodies or panes; fans of "
-    "three experiments have no published places."
-)
-_WHY_GROWTH = (
-    "The time of growth is that of the room's change of air, for which the set gives no figure: 1.9 an hour is a "
-    "guess, and the measured rooms fill about two and a half times as fast."
-)
-_WHY_WHIFFS = (
-    "Filaments that a random walk without memory spreads make a smooth room: away from the source nothing of ours "
-    "exceeds the mean by half, and intensities are a quarter to a half of the measured ones. Eddies that last "
-    "(`gas.turbulence`) are what is missing; this case does not use them yet."
-)
-
 
 @dataclass(frozen=True)
 class SensorFigures:
@@ -78,6 +50,10 @@ class SensorFigures:
     growth_s: float
     intensity: Floats
     whiffs_per_min: Floats
+
+
+# An experiment, its figures, and ours.
+_Pair = tuple[RoomExperiment, SensorFigures, SensorFigures]
 
 
 def compute_sensor_figures(time_s: Floats, readings: Floats, *, quiet_until_s: float) -> SensorFigures:
@@ -200,77 +176,49 @@ def _into_air(environment: Environment, source_m: tuple[float, float, float]) ->
     return _vec(np.clip(near, low_m, low_m + CELL_M - 0.1))
 
 
-def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
-    rows: list[Comparison] = []
-    drawings: list[Drawing] = []
-    for each in data.of_format("room_sensors"):
-        progress(f"{each.name}: reading", None)
-        room = data.read(each, RoomSensors)
-        environment = build_room(room)
-        experiments = [e for e in room.experiments if e.gas_seen_s is not None]
-        experiments = experiments[: _QUICK_EXPERIMENTS if effort == "quick" else None]
-        found = []
-        for i, experiment in enumerate(experiments):
-            progress(f"{each.name}: experiment {experiment.number}", i / len(experiments))
-            # The fifth sensor's rise is known; the release was some minutes before.
-            quiet_s = float(experiment.gas_seen_s or 0.0) - 180.0
-            theirs = compute_sensor_figures(experiment.time_s, experiment.readings_ppm, quiet_until_s=quiet_s)
-            ours = simulate_readings(room, environment, experiment, _RUN_S)
-            time_s = STEP_S * np.arange(1.0, len(ours) + 1.0)
-            found.append((experiment, theirs, compute_sensor_figures(time_s, ours, quiet_until_s=0.0)))
-        rows += _rows(each, found)
-        drawings.append(_drawing(each.name, found))
-    return CaseResult(rows=rows, drawings=drawings)
+def measure(room: RoomSensors, effort: Effort, progress: Progress) -> Findings:
+    """Return onset, growth and whiffs of our readings beside those of the experiments."""
+    environment = build_room(room)
+    experiments = [e for e in room.experiments if e.gas_seen_s is not None]
+    experiments = experiments[: _QUICK_EXPERIMENTS if effort == "quick" else None]
+    found: list[_Pair] = []
+    for i, experiment in enumerate(experiments):
+        progress(f"experiment {experiment.number}", i / len(experiments))
+        # The fifth sensor's rise is known; the release was some minutes before.
+        quiet_s = float(experiment.gas_seen_s or 0.0) - 180.0
+        theirs = compute_sensor_figures(experiment.time_s, experiment.readings_ppm, quiet_until_s=quiet_s)
+        ours = simulate_readings(room, environment, experiment, _RUN_S)
+        time_s = STEP_S * np.arange(1.0, len(ours) + 1.0)
+        found.append((experiment, theirs, compute_sensor_figures(time_s, ours, quiet_until_s=0.0)))
+    return Findings(figures=_figures(found), drawings={"onset": lambda figure: _draw(figure, found)})
 
 
-def _rows(each: MeasuredSet, found: list[tuple[RoomExperiment, SensorFigures, SensorFigures]]) -> list[Comparison]:
+def _figures(found: Sequence[_Pair]) -> list[Figure]:
     correlation = np.array([_onset_correlation(theirs, ours) for _, theirs, ours in found])
     growth = np.array([ours.growth_s / theirs.growth_s for _, theirs, ours in found])
     ratios = np.concatenate([_whiff_ratios(theirs, ours) for _, theirs, ours in found])
-    ratios = ratios[np.isfinite(ratios)]
-    n = len(found)
-    rows = [
-        Comparison(
-            measured_set=each.name,
-            quantity="experiments whose onset order has a rank correlation of 0.5 or more",
-            ours=plain_estimate(float((correlation >= 0.5).sum()), n),
-            goal=Goal.at_least((n + 1) // 2, of=n) if each.campaign == "orebro" else None,
-            if_missed=_WHY_ONSET,
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="rank correlation of onset order, median of the experiments",
-            ours=median_estimate(correlation),
-            anchor="order by nearness to the source: median about 0.25" if each.campaign == "orebro" else "",
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="time of growth over the measured one, median",
-            ours=median_estimate(growth),
-            goal=Goal.between(0.5, 2.0),
-            if_missed=_WHY_GROWTH,
-        ),
-        Comparison(
-            measured_set=each.name,
-            quantity="rate of whiffs over the measured one at the five strongest sensors, median",
-            ours=median_estimate(ratios),
-            goal=Goal.between(0.5, 2.0),
-            if_missed=_WHY_WHIFFS,
-        ),
+    figures = [
+        Figure("onset", plain_estimate(float((correlation >= 0.5).sum()), len(found))),
+        Figure("correlation", median_estimate(correlation)),
+        Figure("growth", median_estimate(growth)),
+        Figure("whiffs", median_estimate(ratios)),
     ]
     of_whom = {"measured": [theirs for _, theirs, _ in found], "ours": [ours for _, _, ours in found]}
-    for whose, figures in of_whom.items():
-        liveliest = np.array([np.sort(each.intensity[np.isfinite(each.intensity)])[-2:].mean() for each in figures])
-        middle = np.array([np.nanmedian(each.intensity) for each in figures])
+    for whose, each in of_whom.items():
+        liveliest = [np.sort(one.intensity[np.isfinite(one.intensity)])[-2:].mean() for one in each]
+        middle = [float(np.nanmedian(one.intensity)) for one in each]
         for which, values in (("two liveliest sensors", liveliest), ("median sensor", middle)):
-            quantity = f"intensity of the {which}, {whose}"
-            rows.append(Comparison(measured_set=each.name, quantity=quantity, ours=median_estimate(values)))
-    return rows
+            figures.append(Figure("intensity", median_estimate(values), which=which, whose=whose))
+    return figures
 
 
 def _onset_correlation(theirs: SensorFigures, ours: SensorFigures) -> float:
+    from scipy.stats import rankdata
+
     both = np.isfinite(theirs.onset_s) & np.isfinite(ours.onset_s)
-    return rank_correlation(theirs.onset_s[both], ours.onset_s[both]) if both.sum() > 2 else np.nan
+    if both.sum() < 3:
+        return np.nan
+    return float(np.corrcoef(rankdata(theirs.onset_s[both]), rankdata(ours.onset_s[both]))[0, 1])
 
 
 # At the sensors with the most lively readings where they were measured; without whiffs of ours the ratio is 0.
@@ -280,30 +228,12 @@ def _whiff_ratios(theirs: SensorFigures, ours: SensorFigures) -> Floats:
         return ours.whiffs_per_min[strongest] / theirs.whiffs_per_min[strongest]
 
 
-def _drawing(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigures]]) -> Drawing:
-    def draw(figure: Any) -> None:
-        n_columns = min(4, len(found))
-        panels = figure.subplots(-(-len(found) // n_columns), n_columns, squeeze=False).ravel()
-        for axes, (experiment, theirs, ours) in zip(panels, found, strict=False):
-            axes.plot((theirs.onset_s - np.nanmin(theirs.onset_s)) / 60.0, ours.onset_s / 60.0, ".", ms=4)
-            r = _onset_correlation(theirs, ours)
-            axes.set_title(f"experiment {experiment.number}: {r:.2f}")
-        figure.supxlabel("measured onset since the first sensor's [min]", fontsize=8)
-        figure.supylabel("ours since the release [min]", fontsize=8)
-
-    caption = f"{name}: when each sensor first saw gas, measured and ours, with the rank correlation."
-    return Drawing(name=f"{name}-onset", caption=caption, draw=draw, aspect=0.5)
-
-
-CASE = Case(
-    name="room-sensors",
-    title="A leak in an office",
-    what="The office as a pentagon of cells of 0.25 m, its wind from a supply low at a wall (0.2 m/s, a guess) to an "
-    "extract in the ceiling, filaments with the eddy diffusivity that was measured in naturally ventilated rooms, and "
-    "sensors with a lag of 5 s. No release rate is known and sensors are not comparable with each other, so each is "
-    "judged by itself: when it first saw gas (5 % of its own high readings), how long the room took to fill, how often "
-    "readings without their trend of 5 min exceed the mean by half. The model is the same for all experiments, also "
-    "those with fans or an open window, whose places or flow are not published.",
-    formats=("room_sensors",),
-    run=_run,
-)
+def _draw(figure: Any, found: Sequence[_Pair]) -> None:
+    n_columns = min(4, len(found))
+    panels = figure.subplots(-(-len(found) // n_columns), n_columns, squeeze=False).ravel()
+    for axes, (experiment, theirs, ours) in zip(panels, found, strict=False):
+        axes.plot((theirs.onset_s - np.nanmin(theirs.onset_s)) / 60.0, ours.onset_s / 60.0, ".", ms=4)
+        r = _onset_correlation(theirs, ours)
+        axes.set_title(f"experiment {experiment.number}: {r:.2f}")
+    figure.supxlabel("measured onset since the first sensor's [min]", fontsize=8)
+    figure.supylabel("ours since the release [min]", fontsize=8)

@@ -11,8 +11,7 @@ from gslcosim.flow.patches import Inlet, Outlet, SlipWall
 from gslcosim.flow.solve import Turbulence, solve_wind_report
 from gslcosim_validation.readers.backward_facing_step import StepFlow, StepProfile
 from gslcosim_validation.readers.columns import MeasuredDataError
-from gslcosim_validation.readers.folder import MeasuredData
-from gslcosim_validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress, plain_estimate
+from gslcosim_validation.results import Effort, Figure, Findings, Progress, plain_estimate
 
 # Cells of the step's height.
 CELLS: dict[Effort, int] = {"quick": 5, "full": 10}
@@ -106,69 +105,29 @@ def solve_step(flow: StepFlow, n_cells: int, turbulence: Turbulence) -> StepWind
     )
 
 
-def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
-    rows: list[Comparison] = []
-    drawings: list[Drawing] = []
-    for each in data.of_format("backward_facing_step"):
-        flow = data.read(each, StepFlow)
-        winds: dict[str, StepWind] = {}
-        for i, model in enumerate(MODELS):
-            progress(f"{each.name}: {model}", i / len(MODELS))
-            wind = winds[model] = solve_step(flow, CELLS[effort], model)
-            rows.append(
-                Comparison(
-                    measured_set=each.name,
-                    quantity=f"{model}: reattachment behind the step, {CELLS[effort]} cells high",
-                    ours=plain_estimate(wind.reattachment),
-                    unit="h",
-                    anchor=f"measured {flow.reattachment_x_over_h:g}; direct simulation 6.28 (Le, Moin and Kim 1997)",
-                    goal=Goal.between(5.5, 6.8),
-                    if_missed=_MISSED,
-                )
-            )
-            judged = [profile for profile in flow.profiles if profile.x_over_h in JUDGED_X_OVER_H]
-            rows += [
-                Comparison(
-                    measured_set=each.name,
-                    quantity=f"{model}: rms of U / U0 at x = {profile.x_over_h:g} h",
-                    ours=plain_estimate(float(np.sqrt(np.mean((wind.along(profile) - profile.u_over_u0) ** 2)))),
-                    goal=Goal.at_most(0.10),
-                )
-                for profile in judged
-            ]
-        drawings.append(_drawing(each.name, flow, winds))
-    return CaseResult(rows=rows, drawings=drawings, remarks=_REMARKS)
+def measure(flow: StepFlow, effort: Effort, progress: Progress) -> Findings:
+    """Return where the wind comes back to the floor, and its error on verticals, for each model of turbulence."""
+    figures: list[Figure] = []
+    winds: dict[str, StepWind] = {}
+    for i, model in enumerate(MODELS):
+        progress(model, i / len(MODELS))
+        wind = winds[model] = solve_step(flow, CELLS[effort], model)
+        words = {"model": model, "n_cells": CELLS[effort], "measured": flow.reattachment_x_over_h}
+        figures.append(Figure("reattachment", plain_estimate(wind.reattachment), **words))
+        for profile in flow.profiles:
+            if profile.x_over_h in JUDGED_X_OVER_H:
+                rms = float(np.sqrt(np.mean((wind.along(profile) - profile.u_over_u0) ** 2)))
+                figures.append(Figure("profile", plain_estimate(rms), model=model, x_over_h=profile.x_over_h))
+    return Findings(figures=figures, drawings={"profiles": lambda figure: _draw(figure, flow, winds)})
 
 
-def _drawing(name: str, flow: StepFlow, winds: Mapping[str, StepWind]) -> Drawing:
-    def draw(figure: Any) -> None:
-        profiles = [profile for profile in flow.profiles if profile.x_over_h > 0]
-        axes = figure.subplots(1, len(profiles), sharey=True)
-        for each, profile in zip(axes, profiles, strict=True):
-            each.plot(profile.u_over_u0, profile.y_over_h, "ko", ms=2, label="measured")
-            for model, wind in winds.items():
-                each.plot(wind.along(profile), profile.y_over_h, "-", lw=1, label=model)
-            each.set(title=f"x = {profile.x_over_h:g} h", xlabel="U / U0")
-        axes[0].set_ylabel("y / h")
-        axes[0].legend(fontsize=5)
-
-    return Drawing(name=f"{name}-profiles", caption=f"{name}: mean wind behind the step.", draw=draw, aspect=0.4)
-
-
-_MISSED = (
-    "Standard k-epsilon makes too much eddy viscosity where air is strained hard, so the layer behind the step spreads "
-    "and comes down too early; the same is known of other solvers. `rng_k_epsilon` has a term for it."
-)
-_REMARKS = (
-    "The first measured profile, 3.12 h before the step, is the inlet; the channel is solved to its plane of symmetry. "
-    "Both models have their published constants.",
-)
-
-CASE = Case(
-    name="step-wind",
-    title="Air behind a step",
-    what="The built-in wind solver behind a backward-facing step at a Reynolds number of 5,000, with both of its "
-    "k-epsilon models, beside profiles measured by laser.",
-    formats=("backward_facing_step",),
-    run=_run,
-)
+def _draw(figure: Any, flow: StepFlow, winds: Mapping[str, StepWind]) -> None:
+    profiles = [profile for profile in flow.profiles if profile.x_over_h > 0]
+    axes = figure.subplots(1, len(profiles), sharey=True)
+    for each, profile in zip(axes, profiles, strict=True):
+        each.plot(profile.u_over_u0, profile.y_over_h, "ko", ms=2, label="measured")
+        for model, wind in winds.items():
+            each.plot(wind.along(profile), profile.y_over_h, "-", lw=1, label=model)
+        each.set(title=f"x = {profile.x_over_h:g} h", xlabel="U / U0")
+    axes[0].set_ylabel("y / h")
+    axes[0].legend(fontsize=5)

@@ -226,7 +226,6 @@ def _build_entry(name: str, agent: LogAgent, data_dir: Path) -> Entry:
         family=agent.card.family if agent.card is not None else "agent",
         build=lambda site: kind(site, agent, data_dir),
         can_take=is_network,
-        says_rate=agent.carries_all_sensors,
         sandbox=_describe_sandbox(agent),
         parameters=dict(agent.spec.parameters),
     )

@@ -233,7 +233,6 @@ class Entry:
         family: As in method cards.
         build: From the site to a new estimator.
         can_take: Whether it can say something of a site.
-        says_rate: Whether it says rates.
         sandbox: What confines its process, in the words of `result.json`.
         parameters: Its settings.
     """
@@ -243,7 +242,6 @@ class Entry:
     family: str
     build: Callable[[LogSite], LogEstimator]
     can_take: Callable[[LogSite], bool]
-    says_rate: bool
     sandbox: str = NONE_IN_THIS_PROCESS
     parameters: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
@@ -268,7 +266,6 @@ ENTRIES = (
         family="network",
         build=LeakNetwork,
         can_take=lambda site: not is_room(site),
-        says_rate=True,
     ),
     Entry(
         name="source_term_estimation",
@@ -276,7 +273,6 @@ ENTRIES = (
         family="bayesian",
         build=SourceTerms,
         can_take=is_network,
-        says_rate=True,
     ),
     Entry(
         name="kernel_dmvw",
@@ -284,7 +280,6 @@ ENTRIES = (
         family="mapping",
         build=KernelDmvw,
         can_take=is_network,
-        says_rate=False,
     ),
     Entry(
         name=FLOOR,
@@ -292,7 +287,6 @@ ENTRIES = (
         family="reactive",
         build=NearestSensor,
         can_take=is_network,
-        says_rate=False,
     ),
 )
 

@@ -70,7 +70,7 @@ class LiveliestSensor(SensorChoice):
 
 
 ROOM_ENTRIES = tuple(
-    Entry(name=name, title=title, family=family, build=build, can_take=is_room, says_rate=False)
+    Entry(name=name, title=title, family=family, build=build, can_take=is_room)
     for name, title, family, build in (
         ("liveliest_sensor", "Liveliest sensor: the largest deviation for its level", "reactive", LiveliestSensor),
         ("first_sensor", "First sensor: the earliest rise", "reactive", FirstSensor),

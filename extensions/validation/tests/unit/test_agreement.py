@@ -9,7 +9,6 @@ from gslcosim_validation.agreement import (
     factor_of_two_share,
     fractional_bias,
     normalised_mean_square_error,
-    rank_correlation,
 )
 
 
@@ -28,13 +27,6 @@ def test_a_model_that_gives_half_is_two_thirds_low():
 def test_two_nothings_agree_at_the_floor():
     assert factor_of_two_share(np.array([0.0]), np.array([0.004]), floor=0.01) == 1.0
     assert factor_of_two_share(np.array([0.0]), np.array([0.004])) == 0.0
-
-
-def test_ranks_of_equal_values_are_shared():
-    a, b = np.array([1.0, 2.0, 2.0, 3.0]), np.array([10.0, 30.0, 20.0, 40.0])
-    # Ranks 0, 1.5, 1.5, 3 beside 0, 2, 1, 3.
-    assert rank_correlation(a, b) == pytest.approx(4.5 / np.sqrt(4.5 * 5.0))
-    assert rank_correlation(a, -a) == pytest.approx(-1.0)
 
 
 def test_intervals_grow_where_pairs_share_their_weather():

@@ -21,7 +21,7 @@ from gslcosim_validation.gas_models import (
     score_plume,
 )
 from gslcosim_validation.plume_statistics import score_absolute_dispersion
-from gslcosim_validation.results import ignore_progress, plain_estimate
+from gslcosim_validation.results import plain_estimate
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_tracers_without_turbulence_forget_at_once():
 def test_the_case_has_a_row_for_each_model_and_law(tmp_path):
     entry = {"id": "richardson_constant", "values": {"g": 0.5}}
     (tmp_path / "published.json").write_text(json.dumps({"entries": [entry]}))
-    result = load_case("gas-models").run(read_measured(tmp_path), "quick", ignore_progress)
+    result = load_case("gas-models").run(read_measured(tmp_path), "quick")
     assert len(result.rows) == 5 * len(GAS_SETTINGS) + 2 * 3 + 4 + 2
     assert all(row.if_missed for row in result.rows)
 

@@ -167,7 +167,7 @@ def test_an_entry_that_fails_leaves_the_others_alone(tmp_path, yard, monkeypatch
         def claims(self, log):
             raise ValueError("no idea")
 
-    broken = Entry(name="broken", title="", family="", build=Broken, can_take=lambda site: True, says_rate=False)
+    broken = Entry(name="broken", title="", family="", build=Broken, can_take=lambda site: True)
     monkeypatch.setattr(run, "ENTRIES", (broken, NETWORK))
     done = run_measured(yard, ResultsFolder(tmp_path / "results"), only=["broken", "leak_network"], has_report=False)
     rows = Results.load(done.folder)

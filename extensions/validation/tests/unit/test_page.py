@@ -1,5 +1,6 @@
 """The page of `make reality`: rows, goals, misses; the checked-in one is that of its stored results."""
 
+import math
 import shutil
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim_bench.statistics.estimates import Estimate
-from gslcosim_validation.cases import CASE_MODULES, load_case, load_cases
+from gslcosim_validation.cases import load_case, load_cases, read_cases
 from gslcosim_validation.page import RESULTS, make_storable, render_page, store_result, write_page
 from gslcosim_validation.results import CaseResult, Comparison, Drawing, Goal, plain_estimate
 
@@ -21,17 +22,24 @@ def make_row(value, goal, **kwargs):
 
 
 def test_goals_are_met_at_their_ends():
-    assert Goal.at_least(0.5).is_met(0.5)
-    assert not Goal.at_most(0.5).is_met(0.51)
-    assert Goal.between(-0.3, 0.3).is_met(-0.3)
-    assert Goal.at_least(7, of=8).text == "≥ 7 of 8"
+    assert Goal.parse("≥ 0.5").is_met(0.5)
+    assert not Goal.parse("≤ 0.5").is_met(0.51)
+    assert Goal.parse("-0.3 to 0.3").is_met(-0.3)
+    assert Goal.parse("≥ 7 of 8") == Goal(7, math.inf, "≥ 7 of 8")
+
+
+def test_goals_in_proportion_and_around_a_middle():
+    assert Goal.parse("≥ 16/18 of 4") == Goal(4, math.inf, "≥ 4 of 4")
+    assert Goal.parse("≥ 1/2 of 5") == Goal(3, math.inf, "≥ 3 of 5")
+    assert Goal.parse("0.5 ± 20 %") == Goal(0.4, 0.6, "0.5 ± 20 %")
+    assert Goal.parse("-5/3 ± 0.3") == Goal(-5 / 3 - 0.3, -5 / 3 + 0.3, "-5/3 ± 0.3")
 
 
 def test_the_page_has_each_row_and_a_paragraph_for_each_miss():
     case = load_case("laser-forward")
     rows = [
-        make_row(0.7, Goal.at_least(0.5), if_missed="never shown"),
-        make_row(0.4, Goal.at_least(0.5), if_missed="The wind turns."),
+        make_row(0.7, Goal.parse("≥ 0.5"), if_missed="never shown"),
+        make_row(0.4, Goal.parse("≥ 0.5"), if_missed="The wind turns."),
         make_row(0.4, None),
     ]
     page = render_page([make_storable(case, "quick", CaseResult(rows=rows, remarks=["A remark."]))])
@@ -44,7 +52,7 @@ def test_the_page_has_each_row_and_a_paragraph_for_each_miss():
 
 
 def test_misses_for_one_reason_share_a_paragraph():
-    rows = [make_row(value, Goal.at_least(0.5), if_missed="The wind turns.") for value in (0.3, 0.4)]
+    rows = [make_row(value, Goal.parse("≥ 0.5"), if_missed="The wind turns.") for value in (0.3, 0.4)]
     page = render_page([make_storable(load_case("laser-forward"), "full", CaseResult(rows=rows))])
     assert page.count("The wind turns.") == 1
     assert (
@@ -55,7 +63,7 @@ def test_misses_for_one_reason_share_a_paragraph():
 def test_results_are_stored_with_their_figures_and_others_stay(tmp_path):
     case = load_case("laser-forward")
     drawing = Drawing(name="line", caption="A line.", draw=lambda figure: figure.subplots().plot([0, 1]))
-    result = CaseResult(rows=[make_row(0.7, Goal.at_least(0.5))], drawings=[drawing])
+    result = CaseResult(rows=[make_row(0.7, Goal.parse("≥ 0.5"))], drawings=[drawing])
     store_result(tmp_path, case, "full", result)
     assert (tmp_path / RESULTS / "laser-forward-line.png").read_bytes().startswith(b"\x89PNG")
     page = write_page(tmp_path).read_text(encoding="utf-8")
@@ -63,7 +71,7 @@ def test_results_are_stored_with_their_figures_and_others_stay(tmp_path):
 
 
 def test_figures_without_an_interval_have_none():
-    row = Comparison(measured_set="yard", quantity="exact", ours=plain_estimate(7), goal=Goal.at_least(7, of=8))
+    row = Comparison(measured_set="yard", quantity="exact", ours=plain_estimate(7), goal=Goal.parse("≥ 7 of 8"))
     page = render_page([make_storable(load_case("laser-forward"), "full", CaseResult(rows=[row]))])
     assert "| yard | exact |  | 7 | ≥ 7 of 8 | yes |" in page
 
@@ -74,8 +82,7 @@ def test_the_checked_in_page_is_that_of_its_results(tmp_path):
 
 
 def test_every_case_has_its_name_and_results_on_the_page():
-    for name in CASE_MODULES:
-        assert load_case(name).name == name
+    for name in read_cases():
         assert (STUDIES / RESULTS / f"{name}.json").is_file(), "make reality"
 
 

@@ -10,7 +10,6 @@ from gslcosim_validation.cases import load_case
 from gslcosim_validation.measured_suite.estimators import ENTRIES
 from gslcosim_validation.measured_suite.logs import load_log_cases
 from gslcosim_validation.measured_suite.run import run_entry
-from gslcosim_validation.results import ignore_progress
 
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
 MEASURED = REFERENCE / "measured"
@@ -20,7 +19,7 @@ pytestmark = pytest.mark.skipif(not MEASURED.is_dir(), reason=f"GSLCOSIM_REFEREN
 
 def rows_of(case, folder, effort="full"):
     """Return the rows of a case on one reference set, by quantity."""
-    result = load_case(case).run(read_measured(MEASURED / folder), effort, ignore_progress)
+    result = load_case(case).run(read_measured(MEASURED / folder), effort)
     assert all(row.is_met is not False or row.if_missed for row in result.rows)
     return {row.quantity: row for row in result.rows}
 

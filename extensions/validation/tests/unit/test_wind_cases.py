@@ -20,7 +20,6 @@ from gslcosim_validation.cases.step_wind import StepWind, solve_step
 from gslcosim_validation.readers.backward_facing_step import StepFlow, StepProfile
 from gslcosim_validation.readers.leak_box import LeakBox, LeakCase, SquareHole
 from gslcosim_validation.readers.room_profiles import ProfileLine, RoomProfiles
-from gslcosim_validation.results import ignore_progress
 
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
 MEASURED = REFERENCE / "measured"
@@ -147,7 +146,7 @@ def test_a_leak_outside_the_box_is_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["room-wind", "step-wind", "heated-cavity", "leak-box"])
 def test_a_case_runs_on_the_reference_data(name):
-    result = load_case(name).run(read_measured(MEASURED), "quick", ignore_progress)
+    result = load_case(name).run(read_measured(MEASURED), "quick")
     assert all(np.isfinite(row.ours.value) for row in result.rows)
     assert all(row.if_missed for row in result.rows if row.is_met is False)
     judged = [row.is_met for row in result.rows if row.goal]

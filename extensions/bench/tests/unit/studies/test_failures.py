@@ -12,7 +12,6 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import list_groups
 from gslcosim_bench.studies.failure_output import (
-    build_page,
     describe_common,
     draw_failures,
     failures_to_json,
@@ -150,7 +149,7 @@ def test_the_report_names_each_case_with_its_command(search, tmp_path):
         assert command in text
         assert each.outcome.case.name in page
     json.dumps(failures_to_json(search), allow_nan=False)
-    assert "<script" not in build_page(search, tmp_path, {}, {})
+    assert "<script" not in page
     assert draw_failures(tmp_path, [each.outcome for each in search.failures]) == {}
 
 
