@@ -26,11 +26,11 @@ from gslcosim_services.referee.success import Evidence, build_criterion
 
 Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
 
-# What floors and walls give way where a vehicle hits them: it has not left the room [m].
+# Depth to which a vehicle may sink into floors and walls on impact without leaving the room [m].
 CONTACT_PENETRATION_M = 0.05
 
 
-# What ends an agent's run in a tick without success, in the order in which it counts; see `find_failure`.
+# Ends of an agent's run without success, in the order in which they count within a tick; see `find_failure`.
 FAILURES: tuple[Outcome | None, ...] = (None, "agent_failed", "collision", "out_of_bounds")
 
 
@@ -59,7 +59,7 @@ class AgentEvaluation:
 
     Within one tick the first of these holds: the agent failed, it touched something, it left the room, it succeeded,
     it declared a wrong place. So a vehicle that hits an obstacle in the tick in which it comes near enough has not
-    succeeded. After the end nothing is counted any more, although the vehicle may go on flying.
+    succeeded. Nothing is counted after the end, although the vehicle may move on.
     """
 
     def __init__(self, name: str, rules: EvaluationRules) -> None:
@@ -122,7 +122,7 @@ class AgentEvaluation:
         return [*events, *self._judge(body, command)]
 
     def end(self, outcome: Outcome, *, reason: str = "") -> RefereeEvent:
-        """End the evaluation with the state of the last observed tick and return the event that says so."""
+        """End the evaluation with the state of the last observed tick and return its event."""
         assert self._body is not None
         self.outcome = outcome
         time_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
@@ -132,7 +132,7 @@ class AgentEvaluation:
         return self._event(outcome, f"{text}: {reason}" if reason else text)
 
     def score(self, body: BodyState) -> AgentScore:
-        """Return how the agent stands; commands are counted up to its end, distances are those of now."""
+        """Return the agent's state; commands are counted up to its end, distances are those of now."""
         return _new_score(
             agent=self.name,
             distance_to_source_m=self._distance_m(body.position_world_m),
@@ -172,7 +172,7 @@ class AgentEvaluation:
         )
 
     def conduct(self) -> dict[str, Any]:
-        """Return the fields of `gslcosim.validity.conduct.AgentConduct` that the referee knows."""
+        """Return the fields of `gslcosim.validity.conduct.AgentConduct` that the referee measures."""
         return {
             "n_commands": self._n_commands,
             "n_refused": self._n_refused,
@@ -326,7 +326,7 @@ def find_failure(
     Args:
         is_failed: The vehicle or its agent has failed.
         is_touching: The vehicle touches what it must not.
-        ends_on_collision: Whether that ends its run.
+        ends_on_collision: A contact ends the run.
         is_in_room: `is_inside` of the vehicle's position.
     """
     if is_failed:

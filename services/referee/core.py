@@ -56,7 +56,7 @@ class _RunEvaluation:
 
     @classmethod
     def of(cls, names: Sequence[str], rules: EvaluationRules) -> "_RunEvaluation":
-        """Return what is known before the first tick."""
+        """Return the score before the first tick."""
         return cls([AgentEvaluation(name, rules) for name in names], {name: {} for name in names}, rules.sources_m)
 
 
@@ -101,7 +101,7 @@ class RefereeCore:
         """Judge one tick; the score comes every tick, the verdict with the one that is final."""
         bodies = self._bodies(tick, inbox)
         if tick == 0:
-            # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
+            # Built here and not at the verdict: no process waits for the referee now, at the end all of them do.
             starts_m = {name: bodies[name].position_world_m for name in self._names}
             self._run.shortest_m = {name: self._shortest_path_m(name, at_m) for name, at_m in starts_m.items()}
         samples: dict[str, list[MountSample]] = {case.name: [] for case in self._run.cases}
@@ -123,7 +123,7 @@ class RefereeCore:
         return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
 
     def summary(self) -> dict[str, Any]:
-        """Return the agents' conduct, and the scenario's events that have happened; see `SupportsSummary`."""
+        """Return the agents' conduct, and the scenario's events that have happened."""
         conduct = {case.name: case.conduct() for case in self._run.cases}
         events = {"events": self._run.happened} if self._scenario.events else {}
         return {CONDUCT_KEY: conduct, **events}
@@ -200,8 +200,8 @@ class RefereeCore:
     def _result(self, case: AgentEvaluation) -> AgentResult:
         return case.result(self._run.shortest_m[case.name])
 
-    # To the source that is nearest by way, not by air. Where a run ends at the success radius the way does too: to the
-    # source itself a straight flight would be shorter than the shortest way. A rover cannot go over things.
+    # To the source nearest by path, not through the air. Where a run ends at the success radius, so does the path: a
+    # straight line could be shorter than the shortest path to the source itself. A rover cannot cross obstacles.
     def _shortest_path_m(self, name: str, start_m: Vec3) -> float | None:
         reach_m = self._rules.success.reach_m
         if reach_m is None:
@@ -213,7 +213,7 @@ class RefereeCore:
         )
         return min((length_m for length_m in lengths_m if length_m is not None), default=None)
 
-    # Where heights do not count, the shortest way leads to where the agent searches.
+    # Where heights do not count, the shortest path leads to the height of the search.
     def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
         x_m, y_m, z_m = source_m
         return (x_m, y_m, self._heights_m[name]) if self._rules.success.is_horizontal else (x_m, y_m, z_m)
@@ -231,6 +231,6 @@ def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRule
     )
 
 
-# What the validator of an agent in free mode lets through where nothing has come.
+# Command that the validator of an agent in free mode passes on where none has arrived.
 def _is_empty_noop(command: Command) -> bool:
     return command.kind == "noop" and command.belief is None

@@ -25,12 +25,12 @@ def source_distance_m(
     source_world_m: Sequence[float],
     is_horizontal: bool,  # noqa: FBT001 - a kernel
 ) -> float:
-    """Return how far a point is from a source [m], in the plane where heights do not count.
+    """Return the distance of a point from a source [m], in the plane where heights do not count.
 
     Args:
         point_world_m: (3,) point, world frame [m].
         source_world_m: (3,) source, world frame [m].
-        is_horizontal: Whether only the distance in the plane counts.
+        is_horizontal: Only the distance in the plane counts.
     """
     rise_m = 0.0 if is_horizontal else point_world_m[2] - source_world_m[2]
     return norm3(point_world_m[0] - source_world_m[0], point_world_m[1] - source_world_m[1], rise_m)
@@ -52,12 +52,12 @@ def move_to_height(place_world_m: Vec3, point_world_m: Vec3) -> Vec3:
 
 
 def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> float | None:
-    """Return the flown length in excess of the shortest possible, as a fraction of the latter.
+    """Return the excess of the path length over the shortest possible, as a fraction of the latter.
 
-    alpha = d / s - 1        d flown [m], s shortest [m]; dimensionless, 0 for the best flight
+    alpha = d / s - 1        d path length [m], s shortest [m]; dimensionless, 0 for the best run
 
     Args:
-        path_length_m: Length flown until the source was found [m].
+        path_length_m: Length of the path until the source was found [m].
         shortest_path_m: Shortest collision-free length that would have sufficed [m]; absent: there is none.
 
     Returns:
@@ -66,8 +66,8 @@ def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> fl
     Source:
         Thesis 7.3, alpha = d / Delta - 1, there with the straight line.
     Deviation:
-        The shortest way around obstacles instead of the straight line (the thesis names both), and only as far as
-        the success radius, where runs end: with the way to the source itself straight flights would have a negative
+        The shortest path around obstacles instead of the straight line (the thesis names both), and only up to the
+        success radius, where runs end: with the path to the source itself, straight runs would have a negative
         overhead.
     Held by:
         tests/unit/services/referee/test_metrics.py
@@ -78,7 +78,7 @@ def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> fl
 
 
 def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, path_length_m: float) -> float | None:
-    """Return which part of the flown length was progress along the line from the start to the source.
+    """Return the fraction of the path length that was progress along the line from the start to the source.
 
     D = (1 / L) sum_i r_i cos(theta_i) = (p_end - p_start) . u / L,    u = (p_source - p_start) / |p_source - p_start|
 
@@ -87,13 +87,13 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
     1 straight to the source, 0 no progress, -1 straight away.
 
     Args:
-        start_world_m: Where the vehicle stood at tick 0, world frame [m].
-        end_world_m: Where its run ended, world frame [m].
+        start_world_m: Position of the vehicle at tick 0, world frame [m].
+        end_world_m: Position at the end of its run, world frame [m].
         source_world_m: The source nearest to the start, world frame [m].
-        path_length_m: Length flown, L [m].
+        path_length_m: Length of the path, L [m].
 
     Returns:
-        The directness; None when nothing was flown or the start is at the source.
+        The directness; None for a path without length or a start at the source.
 
     Source:
         Thesis 7.4, equation (7.1), after Pequeño-Zurro et al.

@@ -1,4 +1,4 @@
-"""Registration and ports of the referee, known without building its core."""
+"""Registration and ports of the referee, readable without building its core."""
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Score, Verdict

@@ -52,7 +52,7 @@ class Criterion(ABC):
         """Return whether the agent has succeeded."""
 
     def has_missed(self, evidence: Evidence) -> bool:
-        """Return whether the agent has spent its only try, which ends its run as `declared`; asked if it is not met."""
+        """Return whether the agent has spent its only try, which ends its run as `declared`; for unmet criteria."""
         del evidence
         return False
 
@@ -91,7 +91,7 @@ def note_source(found: int, i_source: int, distance_m: float, within_m: float) -
 
 @scalar_kernel
 def is_every_source_found(found: int, n_sources: int) -> bool:
-    """Return whether the bits of all sources are set; see `note_source`."""
+    """Return whether the bits of all sources are set."""
     return found == (1 << n_sources) - 1
 
 

@@ -131,7 +131,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
     """Build an agent's briefing: task, room, limits, sensors, a seed of its own, and the knowledge it is granted.
 
     Args:
-        environment: The run's room; the agent learns its bounds, and the map only where it is granted.
+        environment: The run's room; the agent receives its bounds, and the map only where it is granted.
         seed: The run's seed; the agent's own derives from it and does not reveal it.
     """
     grid, task = environment.grid, build_task(scenario.referee)
@@ -143,7 +143,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         mission=sentence + (FREE_MODE_NOTE if agent.is_free else ""),
         tick_ns=scenario.tick_ns,
         seed=_derive_agent_seed(agent, seed),
-        # It is asked at its waypoints, too; the contract has no word for a question that nobody waits for.
+        # The agent is due at its waypoints, too; the contract has no word for a request that no process waits for.
         mode="on_request" if agent.mode_name == "free" else agent.mode_name,
         latency_ticks=agent.latency_ticks,
         gas=scenario.gas.gas,
@@ -200,7 +200,7 @@ def _floats(vector: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
-    """Yield what keeps the methods of a scenario from flying; agents without a card are passed over.
+    """Yield the reasons why methods of a scenario cannot run; agents without a card are passed over.
 
     Args:
         directory: The scenario's folder, where relative paths of agents start.

@@ -87,8 +87,8 @@ class SensorFaults:
         """Return the reading that a sensor shows at the end of a tick.
 
         Args:
-            reading: What it would show.
-            before: What it showed a tick ago.
+            reading: The new reading.
+            before: The reading of the previous tick.
         """
         fault = self._faults.get((agent, reading.sensor))
         if fault is None:
@@ -134,7 +134,7 @@ class _Instrument:
         return self.model.read(sample, mount_velocity_world_m_s(body, self.spec.mount_m))
 
     def calibrated(self, reading: Reading) -> Reading:
-        """Return a reading as its owner takes it who has calibrated this unit in clean air."""
+        """Return a reading as calibrated by its owner for this unit in clean air."""
         return self.model.calibrated(reading) if isinstance(self.model, ImperfectSensor) else reading
 
 
@@ -143,7 +143,7 @@ _Samples = dict[tuple[str, str], MountSample]
 
 @dataclass
 class _AgentInstruments:
-    """The instruments of one agent, what they showed last, and when a gas sensor began or ceased to measure.
+    """The instruments of one agent, their last readings, and the states of its gas sensors over time.
 
     `state_changes` has (tick, is_saturated, is_warming_up) by sensor, whenever either changed.
     """
@@ -189,7 +189,7 @@ class _AgentInstruments:
             if not changes or changes[-1][1:] != state:
                 changes.append((tick, *state))
 
-    # What the first pose sensor said last.
+    # Last pose of the first pose sensor.
     @property
     def pose(self) -> Reading | None:
         shown = zip(self.instruments, self.last, strict=True)
@@ -208,12 +208,12 @@ class SensingCore:
     Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio`, where they have cameras,
     `truth/images` of the same tick, and where sensors or doors have events `truth/events` of the last one. Writes a
     briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
-    the vehicle has a `pose` sensor: then it is what the first of them said last.
+    the vehicle has a `pose` sensor: then it is the last reading of the first of them.
 
     Arrays and images come with the tick at which they are new, and again where a command is awaited.
 
-    After the readings of all sensors come the estimates: what a MOX sensor's resistance suggests as mixing ratio of the
-    gas that is searched for, under the sensor's name with `_ppm` behind.
+    The estimates follow the readings of all sensors: the mixing ratio of the gas searched for that a MOX sensor's
+    resistance suggests, under the sensor's name with `_ppm` behind.
 
     State: the instruments, new at each reset; each draws from its own stream `sensing.<agent>.<sensor>`.
     Raises ModelError when a pose or sample is missing; the runtime then ends the run as invalid.
@@ -228,7 +228,7 @@ class SensingCore:
         self._room = DynamicEnvironment(environment, scenario)
         self._scenes = {closed: RayScene(scenario, room) for closed, room in self._room.by_doors().items()}
         self._faults = SensorFaults(scenario) if list_event_reads(scenario, SensorEventSpec) else None
-        # Built once already to refuse here, and not in the run, what does not fit together.
+        # Built once already, to refuse incompatible parts here and not in the run.
         self._panels = self._new_panels(scenario.seed)
 
     def reset(self, episode: Episode) -> Outbox:
@@ -263,7 +263,7 @@ class SensingCore:
         return outbox
 
     def summary(self) -> dict[str, Any]:
-        """Return when gas sensors were saturated or warming up; see `SupportsSummary`."""
+        """Return the times at which gas sensors were saturated or warming up."""
         return {SENSOR_STATES_KEY: {agent: panel.state_changes for agent, panel in self._panels.items()}}
 
     def _new_panels(self, seed: int) -> dict[str, _AgentInstruments]:

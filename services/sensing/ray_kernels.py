@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from gslcosim.environment.grid_kernels import to_next_border
 
-# How far rays may seem to miss by rounding alone; the bins' boxes are sorted in with as much.
+# Distance by which rays may seem to miss from rounding alone; the bins' boxes are sorted in with as much.
 _ROUNDING_BINS = 1e-9
 
 
@@ -50,7 +50,7 @@ def turn_ray(rotation, x, y, z):
 
 @numba.njit(cache=True, nogil=True)
 def turn_rays(rotation, directions):
-    """Return directions (n, 3) in the world frame; see `turn_ray`."""
+    """Return directions (n, 3) in the world frame."""
     turned = np.empty(directions.shape)
     for n in range(directions.shape[0]):
         x, y, z = directions[n, 0], directions[n, 1], directions[n, 2]
@@ -189,7 +189,7 @@ def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, 
 
 @numba.njit(cache=True, nogil=True)
 def cast_rays(boxes_m, first, members, origin_m, bin_m, shape, cylinders_m, start_m, directions, limit_m):
-    """Return the (n,) ways along rays from one point to what is nearest, `limit_m` where nothing is nearer [m].
+    """Return the (n,) distances along rays from one point to the nearest object, `limit_m` where none is nearer [m].
 
     Args:
         boxes_m, first, members, origin_m, bin_m, shape: See `distance_among_boxes`.
@@ -226,6 +226,6 @@ def noisy_range_m(range_m, limit_m, noise_m):
 
 @numba.njit(cache=True, nogil=True)
 def disturb_ranges_inplace(ranges_m, limit_m, noise_m):
-    """Make ranges (n,) [m] those with a noise each, (n,) [m]; see `noisy_range_m`."""
+    """Add a noise each, (n,) [m], to ranges (n,) [m]."""
     for n in range(ranges_m.shape[0]):
         ranges_m[n] = noisy_range_m(ranges_m[n], limit_m, noise_m[n])

@@ -18,7 +18,7 @@ BIN_M = 1.0
 class RayScene:
     """Everything that reflects rays: boxes exactly, other vehicles as upright cylinders around their centres.
 
-    A cylinder has the vehicle's radius and its greatest half height; how a vehicle tilts is left out.
+    A cylinder has the vehicle's radius and its greatest half height; the vehicle's tilt is left out.
 
     Held by:
         tests/unit/services/sensing/test_range_finders.py
@@ -41,7 +41,7 @@ class RayScene:
 
     @property
     def bins(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Corner of the first bin, world frame [m], and how many there are along each axis."""
+        """Corner of the first bin, world frame [m], and the number of bins along each axis."""
         return self._origin_m, self._shape
 
     def ranges_m(

@@ -1,4 +1,4 @@
-"""Registration and ports of the sensing service, known without building its core."""
+"""Registration and ports of the sensing service, readable without building its core."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ PICTURES_WINDOW_TICKS = 64
 
 
 def sensing_spec(scenario: Scenario) -> ParticipantSpec:
-    """Return sensing's dataflow: poses, true samples and what is heard in, observations and, once, briefings out."""
+    """Return sensing's dataflow: poses, true samples and radio messages in, observations and, once, briefings out."""
     writes: list[Write] = []
     for agent in scenario.agents:
         writes.append(Write(port=keys.briefing(agent.name), message_type=Briefing, announced_in="once"))

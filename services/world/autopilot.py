@@ -40,7 +40,7 @@ from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading, Traje
 from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilities
 
 STANDING_TOLERANCE_M = 0.05
-# How long a vehicle on wheels may stop and turn before it gives up.
+# Longest stop and turn of a vehicle on wheels before it gives up.
 MAX_TURN_S = 20.0
 
 Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
@@ -123,7 +123,7 @@ class FlightStateMachine:
         return None if to_m == wanted_m else f"{found}; goes there."
 
     def land(self, tick: int) -> None:
-        """Come down to what is below."""
+        """Descend to the surface below."""
         x_m, y_m, _ = self.follower.motion(tick).state[0].tolist()
         height_m = self._space.support_height_m(self.follower.position_m) + self._abilities.standing_height_m
         self._begin(tick, [self._change_of_height("land", (x_m, y_m, height_m))])
@@ -135,7 +135,7 @@ class FlightStateMachine:
         Args:
             tick: The tick that ended.
             legs: The legs, one after the other.
-            is_return: Whether these are the legs that it was on before it went out of the way of others.
+            is_return: These are the legs from before the vehicle made way for others.
         """
         notice = None
         if self._avoidance is not None:
@@ -148,13 +148,13 @@ class FlightStateMachine:
         return notice
 
     def cruise(self, tick: int, velocity_m_s: Vec3, heading: Heading, for_s: float) -> None:
-        """Take a velocity and keep it; the agent is asked after a time [s]."""
+        """Set a velocity and keep it; the agent is due after a time [s]."""
         self.follower.cruise(tick, velocity_m_s, heading)
         self.hold_for(tick, for_s)
         self.phase = self.under_way
 
     def follow_setpoint(self, tick: int, setpoint: Setpoint, for_s: float) -> None:
-        """Follow a setpoint of the agent; it is asked after a time [s]."""
+        """Follow a setpoint of the agent, which is due after a time [s]."""
         self.is_armed = self.has_taken_off = True
         self.follower.follow_setpoint(tick, setpoint)
         self.hold_for(tick, for_s)
@@ -163,7 +163,7 @@ class FlightStateMachine:
     def hold(self, tick: int, hold_s: float, heading: Heading = UNCHANGED_HEADING) -> None:
         """Stop and hold.
 
-        A take-off is always finished: just above the floor is no place to hold. Who stands goes on standing.
+        A take-off is always finished: just above the floor is no place to hold. A vehicle on the ground stays there.
         """
         self.goal = None
         if self.phase == "taking_off":
@@ -177,7 +177,7 @@ class FlightStateMachine:
             self.follower.look(heading)
 
     def hold_for(self, tick: int, hold_s: float) -> None:
-        """Ask the agent after a time [s]."""
+        """Make the agent due after a time [s]."""
         self.hold_until_tick = tick + ticks_from_seconds(hold_s, self._tick_ns)
 
     def fail(self, tick: int) -> None:
@@ -232,7 +232,7 @@ class FlightStateMachine:
     def _change_of_height(self, name: str, place_m: Vec3) -> Leg:
         return Leg(name=name, place_world_m=place_m, hold_s=self._vehicle.hold_s)
 
-    # Where ways are planned the way back is: what was straight before may no longer be.
+    # A planned path needs a planned return: the straight line of before may no longer be free.
     def _return_to_path(self, tick: int) -> str | None:
         if self._avoidance is None or self.follower.kept_velocity_m_s is not None or self.follower.leg is None:
             self.follower.replan(tick)
@@ -279,7 +279,7 @@ class FlightStateMachine:
                 return notice
         return None
 
-    # After the last place that is passed it goes on as it goes there.
+    # After the last place that is passed the vehicle keeps its velocity there.
     def _pass(self, tick: int) -> None:
         leg = self.follower.leg
         if self.follower.ahead:
@@ -295,7 +295,7 @@ class FlightStateMachine:
         if leg is not None and self._abilities.has_wheels and leg.heading.yaw_rad is not None:
             self.follower.look(leg.heading)
 
-    # Rotors or wheels stop, and the agent is asked; a landed vehicle can take off again.
+    # Rotors or wheels stop, and the agent is due; a landed vehicle can take off again.
     def _stand(self, tick: int) -> None:
         self.follower.stand(tick)
         self.is_armed = False
@@ -320,12 +320,12 @@ class Reference:
 
 
 class Autopilot:
-    """Autopilot of one vehicle: turns commands into a reference, and decides when the agent is asked.
+    """Autopilot of one vehicle: turns commands into a reference, and decides at which ticks the agent is due.
 
     A tick goes: `begin_tick` with the agent's command, physics along the reference, `end_tick` with the true state. A
     command takes effect at the start of the tick. Each of these returns the reference that holds from then on.
 
-    State: what the vehicle does, see `Conduct`; a task kept for after take-off; the notice about a refused command,
+    State: the vehicle's `Conduct`; a task kept for after take-off; the notice about a refused command,
     kept until the next command, and that about the task under way; the last reference.
     """
 
@@ -420,7 +420,7 @@ class Autopilot:
     def end_tick(
         self, tick: int, position_world_m: Vec3, velocity_world_m_s: Vec3, *, yaw_rad: float, uprightness: float
     ) -> Reference:
-        """Update the state, start a pending task after take-off, and decide whether the agent is asked.
+        """Update the state, start a pending task after take-off, and decide whether the agent is due.
 
         Args:
             tick: The tick that ends.
@@ -453,7 +453,7 @@ class Autopilot:
         if self._agent.is_free and self.awaiting_command:
             self._ask_once(tick)
 
-    # Time goes on whether the agent answers or not, and it need not hear the same question at every tick.
+    # Time passes with or without an answer, and the agent need not receive the same request at every tick.
     def _ask_once(self, tick: int) -> None:
         self.awaiting_command = tick >= self._quiet_until_tick
         if self.awaiting_command:
@@ -516,7 +516,7 @@ class Autopilot:
                 raise AssertionError(f"expected a task to begin, was {task}")
         self._goal_notice = self.notice
 
-    # An agent that may speak at every tick says the same again and again; a velocity is asked for after its hold time.
+    # An agent that is due at every tick repeats its command; a velocity makes it due after its hold time.
     def _is_repeated(self, task: Task) -> bool:
         if self._agent.mode_name == "on_request" or self._state_machine.is_overturned:
             return False

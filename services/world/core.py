@@ -67,8 +67,8 @@ class StartState:
 class SimulatedVehicle:
     """One vehicle of a run, from its agent's commands to the state that is reported of it.
 
-    State: its guide; the path flown; its position at the end of the last tick, world frame [m]; what it has touched in
-    this tick; and what carried it when it last stood. `name` is the agent's.
+    State: its guide; its path so far; its position at the end of the last tick, world frame [m]; its contacts in
+    this tick; and its last support. `name` is the agent's.
     """
 
     def __init__(self, name: str, new_guide: Callable[[], Autopilot], start: StartState, rows: VehicleViews) -> None:
@@ -136,7 +136,7 @@ class SimulatedVehicle:
         self._follow(self._autopilot.begin_tick(tick, command))
 
     def avoid_neighbours(self, tick: int, neighbours: Neighbours) -> None:
-        """Avoid other vehicles; see `Autopilot`."""
+        """Avoid other vehicles."""
         self._follow(self._autopilot.avoid_neighbours(tick, neighbours))
 
     def end_tick(self, tick: int) -> None:
@@ -160,7 +160,7 @@ class SimulatedVehicle:
     def body(self, tick: int, tick_ns: int) -> BodyState:
         """Return the vehicle's state at the end of a tick."""
         guide, rows = self._autopilot, self._rows
-        # A vehicle that fails before its take-off is over has not collided with what it stood on.
+        # Contact with the ground before the end of a take-off is no collision.
         is_leaving = guide.phase == "failed" and not guide.has_taken_off
         touched = self._touched - self._supports if is_leaving else self._touched
         w, x, y, z = rows.pose[3:].tolist()
@@ -200,7 +200,7 @@ class SimulatedVehicle:
             vehicle_records.set_setpoint(state, reference.setpoint)
 
 
-# What may touch at the start: vehicles stand on what is below them [m].
+# Contact allowed at the start: vehicles stand on the surface below them [m].
 _MIN_GAP_M = 1e-3
 
 
@@ -210,8 +210,8 @@ def check_starts(
     """Check that vehicles start and rise in free places and apart from one another.
 
     Args:
-        spaces: Where each agent's vehicle may be sent.
-        starts: Where each starts, world frame [m], and whether it hovers there.
+        spaces: Flight space of each agent's vehicle.
+        starts: Start of each, world frame [m], and whether it hovers there.
     """
     problems: list[str | None] = []
     for i, (agent, space, (start_m, is_flying)) in enumerate(zip(agents, spaces, starts, strict=True)):
@@ -278,7 +278,7 @@ class WorldCore:
 
     Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
     `data` is the state of the MuJoCo scene.
-    Invariants: every vehicle's state is finite; every waypoint flown to is free and inside the room.
+    Invariants: every vehicle's state is finite; every waypoint on the way is free and inside the room.
     Raises ModelError when a state explodes, naming the agent; the runtime then ends the run as invalid.
     It draws no random numbers: the seed does not matter to it.
     """
@@ -352,7 +352,7 @@ class WorldCore:
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
-        """Fly all vehicles to the end of a tick and return their states.
+        """Advance all vehicles to the end of a tick and return their states.
 
         Args:
             tick: 0 is the state at rest.
@@ -386,7 +386,7 @@ class WorldCore:
         if any(agent.vehicle.separation_m for agent in self._agents):
             warm_up_separation()
 
-    # Vehicles of a kind share what they know of the room.
+    # Vehicles of a kind have one model of the room.
     def _avoidance(
         self, agent: AgentSpec, space: FlightSpace, abilities: VehicleCapabilities
     ) -> ObstacleAvoidance | None:
@@ -408,7 +408,7 @@ class WorldCore:
             vehicle.place()
         mujoco.mj_forward(self._scene.model, self.data)
 
-    # All look at where the others are now, then all decide.
+    # All read the others' present positions, then all decide.
     def _keep_apart(self, tick: int) -> None:
         gives_way = np.array([vehicle.yields for vehicle in self._vehicles])
         if not gives_way.any():
@@ -443,8 +443,8 @@ class WorldCore:
         for vehicle in self._vehicles:
             vehicle.end_tick(tick)
 
-    # What wheels stand on is no collision; what they run against is. Whoever lies still touches the same things in each
-    # sub-step: without wheels it is enough to note them once in a tick.
+    # A wheel's contact with the ground is no collision; its contact with anything else is. A vehicle at rest has the
+    # same contacts in each sub-step: without wheels it is enough to note them once in a tick.
     def _note_contacts(self, noted: bytes) -> bytes:
         scene, contact = self._scene, self.data.contact
         geoms = contact.geom
@@ -497,7 +497,7 @@ def _build_wind(environment: Environment, scenario: Scenario) -> ScaledWind:
 
 
 def physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
-    """Return the length of a physics step [ms] for vehicles that fly together."""
+    """Return the length of a physics step [ms] for vehicles of one scene."""
     if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
         return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
@@ -527,7 +527,7 @@ def _build_constants(
     return constants
 
 
-# What each pair keeps between its centres, (n, n): the greater wish of the two, and enough not to touch.
+# Distance that each pair keeps between its centres, (n, n): the greater wish of the two, and enough not to touch.
 def _min_distances_m(agents: Sequence[AgentSpec], radii_m: Sequence[float]) -> NDArray[np.float64]:
     wishes_m = np.array([agent.vehicle.separation_m for agent in agents])
     return np.maximum(np.maximum.outer(wishes_m, wishes_m), np.add.outer(radii_m, radii_m) + CLEARANCE_M)

@@ -15,7 +15,7 @@ from gslcosim.environment.paths.planner import MARGIN_M, FreeSpace, free_space
 from gslcosim.environment.variants import DynamicEnvironment
 
 _SOLID = int(Cell.SOLID)
-# What a vehicle may stray from its reference while it brakes.
+# Distance from its reference that a vehicle may reach while it brakes.
 CLEARANCE_M = 0.1
 
 
@@ -32,7 +32,7 @@ def find_axis_out_of_bounds(
         position_m: World frame [m].
         min_m: (3,) least corner of the room's air, world frame [m].
         max_m: (3,) greatest corner of it.
-        margin_m: What the place keeps from floor and ceiling [m].
+        margin_m: Distance of the place from floor and ceiling [m].
     """
     for axis in range(3):
         margin = margin_m if axis == 2 else 0.0
@@ -78,8 +78,8 @@ class FlightSpace:
     """The places a vehicle of a certain radius may be sent to.
 
     `ground_height_m` is the height of a vehicle that drives: heights of places only have to lie in the room.
-    `moves_places` says that a waypoint in a solid is no reason to refuse it: the vehicle goes beside it. `doors` says
-    how the room is now, where it has doors that events move.
+    `moves_places` accepts a waypoint in a solid: the vehicle moves to a place beside it. `doors` is the present
+    state of the room, where it has doors that events move.
     """
 
     environment: Environment
@@ -99,7 +99,7 @@ class FlightSpace:
         A place must lie inside the room, at least the vehicle's radius from floor and ceiling, and in a free cell.
 
         Args:
-            name: What the place is, for the text.
+            name: Name of the place, for the text.
             position_world_m: The place, world frame [m].
         """
         margin_m = self._margin_m
@@ -150,9 +150,9 @@ class FlightSpace:
         It keeps its radius and a clearance from the room's faces that it moves towards, and out of solid cells.
 
         Args:
-            name: What brought it there, for the text.
-            stop_world_m: Where it would come to rest, world frame [m].
-            velocity_world_m_s: How it moves now, world frame [m/s].
+            name: Reason for the stop, for the text.
+            stop_world_m: Place of rest, world frame [m].
+            velocity_world_m_s: Present velocity, world frame [m/s].
         """
         low_m, high_m = self.room.grid.origin_m, self.room.grid.max_m
         axis = find_axis_of_stop_beyond(stop_world_m, velocity_world_m_s, low_m, high_m, self.radius_m)
@@ -198,7 +198,7 @@ class FlightSpace:
 class RoutePlanner:
     """Route planner of a vehicle: `3d` around, over and under obstacles, `2d` around them.
 
-    In two dimensions it changes height evenly along the way, free of what stands between the two heights anywhere on
+    In two dimensions it changes height evenly along the way, free of obstacles between the two heights anywhere on
     it; where that leaves no way, it changes height at the end, or else at the start. On wheels it stays on the ground.
     `space` is the free space at the start; `later_spaces` are those of rooms with other doors closed, by their names.
     """
@@ -313,8 +313,8 @@ def build_route_planner(
     Args:
         mode: In how many dimensions it goes around.
         radius_m: The vehicle's radius [m].
-        ground: On wheels, its height and that of what it stands on, world frame [m].
-        doors: How the room is now, where it has doors that events move.
+        ground: On wheels, its height and that of the floor under it, world frame [m].
+        doors: Present state of the room, where it has doors that events move.
     """
     height_m, ground_m = ground or (None, None)
     rooms = {(): environment} if doors is None else doors.by_doors()

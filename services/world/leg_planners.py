@@ -26,7 +26,7 @@ from gslcosim_services.world.trajectory import (
 )
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
-# Shares of a path's duration at which it is looked at.
+# Fractions of a path's duration at which it is sampled.
 _CHECKED_FRACTIONS = np.linspace(0.1, 1.0, 10).tolist()
 
 
@@ -34,8 +34,8 @@ _CHECKED_FRACTIONS = np.linspace(0.1, 1.0, 10).tolist()
 class Leg:
     """The way to one place: to rest there, or to pass it with a velocity and an acceleration, world frame.
 
-    `name` is what refusals call it; `hold_s` counts only where it rests; `after_s` is the least time for it;
-    `is_bend` says that it is only on the way to where the agent sent the vehicle.
+    `name` is the leg's name in refusals; `hold_s` counts only where it rests; `after_s` is the least time for it;
+    `is_bend` marks a bend on the way to the agent's goal.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Leg:
 
 
 def find_motion_refusal(leg: Leg, limits: Limits) -> str | None:
-    """Return why a leg's end cannot be passed as it says, or nothing."""
+    """Return why a leg's end cannot be passed at its velocity, or nothing."""
     for name, vector, most, unit in (
         ("velocity", leg.velocity_world_m_s, limits.max_speed_m_s, "m/s"),
         ("acceleration", leg.acceleration_world_m_s2, limits.max_acceleration_m_s2, "m/s^2"),
@@ -75,13 +75,13 @@ def find_motion_refusal(leg: Leg, limits: Limits) -> str | None:
 def find_curve_refusal(
     legs: Sequence[Leg], state: NDArray[np.float64], limits: Limits, space: FlightSpace, tick_ns: int
 ) -> str | None:
-    """Return why legs that begin or end in motion cannot be flown, or nothing: their paths leave the straight line.
+    """Return why legs that begin or end in motion are refused, or nothing: their paths leave the straight line.
 
     Args:
         legs: The legs, one after the other.
         state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] at their start; world frame.
         limits: Speed and acceleration kept to.
-        space: Where the vehicle may be sent.
+        space: Flight space of the vehicle.
         tick_ns: Length of a tick [ns].
     """
     for leg in legs:
@@ -146,9 +146,9 @@ def plan_leg(leg: Leg, state: NDArray[np.float64], limits: Limits, tick: int, ti
 def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], limits: Limits) -> bool:
     """Return whether a path to rest leaves the straight line so far that the vehicle had better stop first.
 
-    A quintic that begins in motion the wrong way goes on that way for a good part of its duration: on a long leg it
+    A quintic that begins in motion the wrong way continues that way for a good part of its duration: on a long leg it
     would leave the straight line by metres, where braking takes 0.75 v^2 / a. Legs that are passed or have their time
-    are flown as they are said.
+    keep to the command.
 
     Args:
         path: Its path from a state.
@@ -173,7 +173,7 @@ def warm_up_leg_planning() -> None:
 # that drives stops for that only beyond the other.
 MIN_TURN_RAD = 0.1
 MIN_STOP_TURN_RAD = 1.0
-# What a turn takes longer than its angle at full rate: speeding up, slowing down and settling [s].
+# Time of a turn beyond its angle at full rate: speeding up, slowing down and settling [s].
 TURN_SETTLING_S = 1.2
 # Nearer than this it is there already [m].
 _GOAL_TOLERANCE_M = 0.02
@@ -182,7 +182,7 @@ _STANDSTILL_SPEED_M_S = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class RoverPlanner:
-    """Plans for vehicles that go where they look; heights of places and velocities are left out."""
+    """Plans for vehicles that move along their heading; heights of places and velocities are left out."""
 
     limits: Limits
     tick_ns: int

@@ -26,10 +26,10 @@ def lagged_rotor_speed(vehicle, speed, command):
     """Return a rotor's speed one sub-step later: first-order lag, slower down than up.
 
     speed += (1 - exp(-dt/tau)) (command - speed)
-    [rad/s]; the share is dimensionless and exact for a command held over dt
+    [rad/s]; the fraction is dimensionless and exact for a command held over dt
 
     Args:
-        vehicle: Record of `records.CONSTANTS`; holds the two shares.
+        vehicle: Record of `records.CONSTANTS`; holds the two fractions.
         speed: Rotor speed [rad/s], >= 0.
         command: Commanded speed [rad/s], >= 0.
 
@@ -109,8 +109,8 @@ def drag_force(vehicle, total_speed, u, v, w):
 class RotorFaults:
     """Rotor faults: events weaken rotors in the records of `CONSTANTS` of all vehicles, in place.
 
-    A rotor of share s gives s k w^2 at a speed w, and its torques likewise; how thrusts are shared out stays as it was,
-    as the control does not know.
+    A rotor of effectiveness s gives s k w^2 at a speed w, and its torques likewise; the allocation of thrusts stays
+    as it was, because the control does not measure the loss.
     """
 
     def __init__(self, scenario: Scenario, constants: Any) -> None:
@@ -137,7 +137,7 @@ class RotorFaults:
                 self._constants["wrench_from_thrusts"][k, :, i] = event.share * self._sound[k, :, i]
 
 
-# What a vehicle is steered by: a path, or what its agent sets.
+# Source of a vehicle's reference: a path, or the agent's setpoint.
 PATH = 0
 ATTITUDE = 1
 RATES = 2
@@ -189,7 +189,7 @@ def rotation_from_quaternion(w, x, y, z):
 
 @numba.njit(cache=True, nogil=True)
 def axis_acceleration_inplace(vehicle, state, axis, p, v, t_s, dt_s):
-    """Return the acceleration wanted along one world axis, before gravity, and the reference's jerk.
+    """Return the desired acceleration along one world axis, before gravity, and the reference's jerk.
 
     a_d = a_ref + k_p e_p + k_v e_v + i + k_drag v_ref,  di/dt = k_i e_p (clamped),  e = reference - state
     [m/s^2] = [1/s^2] [m] = [1/s] [m/s];  i in [m/s^2]
@@ -230,19 +230,19 @@ def axis_acceleration_inplace(vehicle, state, axis, p, v, t_s, dt_s):
 
 @numba.njit(cache=True, nogil=True)
 def limited_specific_force(vehicle, a_x, a_y, a_z):
-    """Return the specific force wanted of the rotors: gravity added, lift and tilt kept within bounds.
+    """Return the desired specific force of the rotors: gravity added, lift and tilt kept within bounds.
 
     f = a + g z_W;  0.3 g <= f_z <= 1.7 g;  |f_xy| <= tan(tilt_max) f_z
     [m/s^2]
 
     Args:
-        a_x, a_y, a_z: Acceleration wanted, world frame [m/s^2].
+        a_x, a_y, a_z: Desired acceleration, world frame [m/s^2].
 
     Returns:
         (f_x, f_y, f_z) world frame [m/s^2]; its direction is always defined.
 
     Source:
-        Our bounds; they keep the desired attitude of Lee et al. 2010 defined, which asks for f != 0.
+        Our bounds; they keep the desired attitude of Lee et al. 2010 defined, which needs f != 0.
     Held by:
         tests/unit/services/world/test_multirotor_control.py
     """
@@ -256,7 +256,7 @@ def limited_specific_force(vehicle, a_x, a_y, a_z):
 
 @numba.njit(cache=True, nogil=True)
 def advance_heading_inplace(vehicle, state, v_x, v_y, dt_s):
-    """Advance the reference of the heading by one sub-step: to the angle wanted, or to that of the path.
+    """Advance the reference of the heading by one sub-step: to the desired angle, or to that of the path.
 
     e = wrap(psi_wanted - psi);  psi += rate dt;  rate goes to clamp(k e, +- rate_max) by at most k rate_max dt
     [rad/s] = [1/s] [rad]
@@ -322,8 +322,8 @@ def attitude_from_force(f_x, f_y, f_z, j_x, j_y, j_z, yaw, yaw_rate):
     [rad/s] = [m/s^3] / [m/s^2]
 
     Args:
-        f_x: Specific force wanted, world frame [m/s^2], f_z > 0.
-        f_y, f_z: Specific force wanted, world frame [m/s^2].
+        f_x: Desired specific force, world frame [m/s^2], f_z > 0.
+        f_y, f_z: Desired specific force, world frame [m/s^2].
         j_x, j_y, j_z: Jerk of the reference, world frame [m/s^3].
         yaw: Heading, counter-clockwise from world x [rad].
         yaw_rate: Its rate [rad/s].
@@ -381,7 +381,7 @@ def attitude_torque(vehicle, R, omega_x, omega_y, omega_z, R_d, omega_d):
 
     Args:
         omega_x, omega_y, omega_z: Angular velocity, body frame [rad/s].
-        R_d: The same nine numbers of the attitude wanted.
+        R_d: The same nine numbers of the desired attitude.
         omega_d: Three rates about the axes of R_d [rad/s].
 
     Returns:
@@ -418,14 +418,14 @@ def attitude_torque(vehicle, R, omega_x, omega_y, omega_z, R_d, omega_d):
 
 @numba.njit(cache=True, nogil=True)
 def rate_torque(vehicle, omega_x, omega_y, omega_z, p_d, q_d, s_d, a_x, a_y, a_z):
-    """Return the body torque that turns a vehicle at rates wanted, with angular accelerations besides.
+    """Return the body torque that turns a vehicle at desired rates, with angular accelerations besides.
 
     tau = J (a - k_omega (omega - omega_d)) + omega x J omega
     [N m] = [kg m^2] [1/s^2]
 
     Args:
         omega_x, omega_y, omega_z: Angular velocity, body frame [rad/s].
-        p_d, q_d, s_d: Rate wanted about body x, y, z [rad/s].
+        p_d, q_d, s_d: Desired rate about body x, y, z [rad/s].
         a_x, a_y, a_z: Angular acceleration about body x, y, z [rad/s^2].
 
     Returns:
@@ -446,7 +446,7 @@ def rate_torque(vehicle, omega_x, omega_y, omega_z, p_d, q_d, s_d, a_x, a_y, a_z
 
 @numba.njit(cache=True, nogil=True)
 def thrust_along(vehicle, R, f_x, f_y, f_z):
-    """Return the collective thrust whose part along a wanted specific force [m/s^2] is that force: T = m f . R e3 [N].
+    """Return the collective thrust whose part along a desired specific force [m/s^2] is that force: T = m f . R e3 [N].
 
     Source:
         Lee, Leok and McClamroch 2010, doi:10.1109/CDC.2010.5717652, equation 15.
@@ -481,7 +481,7 @@ def thrust_from_setpoint(vehicle, state, R, v_z):
 
 @numba.njit(cache=True, nogil=True)
 def rotor_speed_command(vehicle, i_rotor, thrust, tau_x, tau_y, tau_z):
-    """Return the speed of one rotor that gives its share of a wrench.
+    """Return the speed of one rotor for its part of a wrench.
 
     T_i = row i of M^+ (T, tau), 0 <= T_i <= c speed_max^2;  speed = sqrt(T_i/c)
     [rad/s] = sqrt([N] / [N s^2])

@@ -16,12 +16,12 @@ from gslcosim_services.world.path_follower import PathFollower
 from gslcosim_services.world.trajectory import Limits, Trajectory, plan_to_velocity, to_vec3
 from gslcosim_services.world.vehicle_records import VehicleCapabilities
 
-# A corner is passed at one of these shares of the speed that its legs allow, the first that keeps clear; else it stops.
+# Fractions of the speed that a corner's legs allow; the first that keeps clear is taken, else the vehicle stops.
 _CORNER_SPEED_FRACTIONS = (1.0, 0.5, 0.25)
 # Corners sharper than this are stopped at [rad].
 _MAX_PASSED_TURN_RAD = 2.0
 _MIN_MOVING_SPEED_M_S = 1e-3
-# How many moved places of a mission are reported one by one.
+# Number of moved places of a mission that are reported one by one.
 _MAX_NOTICES = 3
 # Nearer than this two places are the same [m].
 _MIN_DISTANCE_M = 1e-6
@@ -29,7 +29,7 @@ _MIN_DISTANCE_M = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class DetourPlan:
-    """Legs to fly; with a notice when a place was moved. Without legs the notice says why there is no way."""
+    """Legs to follow; with a notice about a moved place. Without legs the notice gives the reason for no way."""
 
     legs: tuple[Leg, ...] = ()
     notice: str | None = None
@@ -43,8 +43,8 @@ class _NoRouteError(Exception):
 class ObstacleAvoidance:
     """Plans the legs of one vehicle around obstacles.
 
-    A leg whose path keeps clear stays as it is. Otherwise it goes by bends, which a vehicle in the air passes without
-    a stop where the curve keeps clear; on wheels it stops and turns.
+    A leg whose path keeps clear stays as it is. Otherwise it is split at bends, which a vehicle in the air passes
+    without a stop where the curve keeps clear; on wheels it stops and turns.
     """
 
     routes: RoutePlanner
@@ -56,7 +56,7 @@ class ObstacleAvoidance:
         """Return the legs that keep clear, or why there are none.
 
         Args:
-            legs: What the agent asked for.
+            legs: Legs of the agent's command.
             state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] from which they begin; world frame.
         """
         planned: list[Leg] = []
@@ -81,10 +81,10 @@ class ObstacleAvoidance:
     def find_stop_refusal(self, name: str, state: NDArray[np.float64], stop: Trajectory) -> str | None:
         """Return why a vehicle must brake now that would come to rest on a path, or nothing while that keeps clear.
 
-        Who is too near to something already may go to the nearest free place, and nowhere else.
+        A vehicle that is too near to an obstacle already may move to the nearest free place, and nowhere else.
 
         Args:
-            name: What brought it there, for the text.
+            name: Reason for the stop, for the text.
             state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] where it would begin to brake.
             stop: The path on which it would come to rest.
         """
@@ -127,7 +127,7 @@ class ObstacleAvoidance:
             raise _NoRouteError(f"{leg.name}: expected a place that can be reached, {place}; the vehicle holds.")
         return before + self._along(leg, points_m)
 
-    # Whoever moves comes to rest first: the way around begins there.
+    # A moving vehicle comes to rest first: the way around begins there.
     def _stopped(self, leg: Leg, state: NDArray[np.float64]) -> list[Leg]:
         if not _is_moving(state):
             return []
@@ -215,7 +215,7 @@ class BrakingMonitor:
     def ahead(self, tick: int, follower: PathFollower) -> str | None:
         """Return why the vehicle must brake now, or nothing.
 
-        An agent that sets attitude or rates looks after itself; wheels are stopped.
+        An agent that sets attitude or rates is responsible for obstacles; wheels are stopped.
         """
         if follower.setpoint is None:
             return self.check_path(tick, follower.trajectory)
@@ -233,7 +233,7 @@ class BrakingMonitor:
         return self.avoidance.find_stop_refusal("velocity", state, stop)
 
     def check_drive_speed(self, tick: int, follower: PathFollower, speed_m_s: float) -> str | None:
-        """Return why wheels cannot take a speed [m/s] from how they turn now, or nothing."""
+        """Return why wheels cannot reach a speed [m/s] from their present turn, or nothing."""
         direction = (math.cos(follower.yaw_rad), math.sin(follower.yaw_rad))
         now_m_s = follower.velocity_m_s[0] * direction[0] + follower.velocity_m_s[1] * direction[1]
         change_m_s = self._limits.max_acceleration_m_s2 * self.tick_ns / NS_PER_S
@@ -241,7 +241,7 @@ class BrakingMonitor:
         velocity_m_s = (next_m_s * direction[0], next_m_s * direction[1], 0.0)
         return self._ahead_of_wheels(tick, follower.position_m, velocity_m_s)
 
-    # The braking begins from what the wheels do, which no path says.
+    # The braking begins from the wheels' present motion, which is in no path.
     def _ahead_of_wheels(self, tick: int, position_m: Vec3, velocity_m_s: Vec3) -> str | None:
         u, v, _ = velocity_m_s
         # A stop takes 1.5 v/a, on average at half the speed; see `set_quartic_to_velocity_inplace`.

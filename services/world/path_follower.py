@@ -18,7 +18,7 @@ from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilitie
 
 
 class PathFollower:
-    """Path follower of one vehicle, without knowledge of tasks, phases and obstacles; see `autopilot`.
+    """Path follower of one vehicle, without tasks, phases and obstacles; see `autopilot`.
 
     State: the trajectory and the setpoint that counts instead of it; the leg under way, those ahead and the place they
     lead to, or else the velocity that is kept; whether the path only prepares for it, and since which tick; and the
@@ -55,7 +55,7 @@ class PathFollower:
 
     @property
     def legs_to_goal(self) -> list[Leg]:
-        """The bends ahead, then the leg that ends where the agent wants to be; empty without a leg."""
+        """The bends ahead, then the leg that ends at the agent's goal; empty without a leg."""
         if self.leg is None:
             return []
         legs = [self.leg, *self.ahead]
@@ -63,7 +63,7 @@ class PathFollower:
         return legs[: n_bends + 1]
 
     def motion(self, tick: int) -> MotionState:
-        """Return how the vehicle moves at the end of a tick: as its path says, with a setpoint as it truly does."""
+        """Return the motion at the end of a tick: that of the path, or under a setpoint the true one."""
         state = self.trajectory.state_at(tick, self._tick_ns)
         if self.setpoint is not None:
             state = np.array([self.position_m, self.velocity_m_s, AT_REST])
@@ -74,11 +74,11 @@ class PathFollower:
         return self.trajectory.is_over(tick, self._tick_ns)
 
     def late_s(self, tick: int) -> float:
-        """Return for how long the path has been over at the end of a tick [s]; negative before."""
+        """Return the time since the end of the path at the end of a tick [s]; negative before."""
         return seconds_from_ticks(tick - self.trajectory.start_tick, self._tick_ns) - self.trajectory.duration_s
 
     def preparation_time_s(self, tick: int) -> float:
-        """Return since when paths only prepare for what is wanted [s]."""
+        """Return the time since which paths only prepare for the goal [s]."""
         return seconds_from_ticks(tick - self.prepares_since_tick, self._tick_ns)
 
     def plan(self, legs: Iterable[Leg]) -> None:
@@ -96,7 +96,7 @@ class PathFollower:
         self.kept_velocity_m_s = velocity_m_s
 
     def divert(self, path: Trajectory) -> None:
-        """Follow a path past other vehicles; leg or velocity are still wanted."""
+        """Follow a path past other vehicles; leg or velocity remain the goal."""
         self.trajectory = path
         self.is_preparing = False
 
@@ -117,7 +117,7 @@ class PathFollower:
         self.kept_velocity_m_s = None
 
     def cruise(self, tick: int, velocity_m_s: Vec3, heading: Heading) -> None:
-        """Take a velocity, world frame [m/s], and keep it; what is kept already only takes the heading."""
+        """Set a velocity, world frame [m/s], and keep it; a velocity kept already takes the heading alone."""
         if velocity_m_s != self.kept_velocity_m_s or self.is_preparing:
             path, self.is_preparing = self.planner.at_velocity(velocity_m_s, self.motion(tick), tick)
             self.trajectory = path if self.is_preparing else replace(path, heading=heading)
@@ -164,14 +164,14 @@ class PathFollower:
         self.trajectory = plan_rest(self.position_m, tick, forgets_integral=True)
 
     def stay(self, tick: int, place_world_m: Vec3) -> None:
-        """Give up what was wanted and rest at a place, world frame [m]; the leg under way is still to be ended."""
+        """Drop the goal and rest at a place, world frame [m]; the leg under way is still to be ended."""
         self.trajectory = plan_rest(place_world_m, tick, forgets_integral=True)
         self.ahead.clear()
         self.kept_velocity_m_s = None
         self.is_preparing = False
 
     def look(self, heading: Heading) -> None:
-        """Change only where the vehicle looks."""
+        """Change the heading alone."""
         self.trajectory = replace(self.trajectory, heading=heading, forgets_integral=False)
 
     def clear_legs(self) -> None:
@@ -187,7 +187,7 @@ class PathFollower:
         self.setpoint = None
 
 
-# When a vehicle counts as being at its waypoint, and how long after the end of its trajectory it may take.
+# Tolerances of an arrival at a waypoint, and the longest time for it after the end of the trajectory.
 ARRIVAL_RADIUS_M = 0.15
 ARRIVAL_SPEED_M_S = 0.2
 ARRIVAL_TIMEOUT_S = 10.0
@@ -200,7 +200,7 @@ OVERTURNED_NOTICE = "vehicle: expected to stand upright, was lying on its side o
 
 
 def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "passed", "there", "late"]:
-    """Return how far a vehicle has come on its leg at the end of a tick.
+    """Return the progress of a vehicle on its leg at the end of a tick.
 
     It passes or reaches the end of its path, or has not come near it long after it should.
     """
@@ -227,19 +227,19 @@ def is_stop_under_way(
 
 @scalar_kernel
 def has_arrived(distance_m: float, speed_m_s: float) -> bool:
-    """Return whether a vehicle whose path is over is where it leads to: near its end [m], and slow [m/s]."""
+    """Return whether a vehicle is at the end of its path: near it [m], and slow [m/s]."""
     return distance_m <= ARRIVAL_RADIUS_M and speed_m_s < ARRIVAL_SPEED_M_S
 
 
 @scalar_kernel
 def is_too_late(late_s: float) -> bool:
-    """Return whether a vehicle will not arrive any more, whose path has been over for a time [s]."""
+    """Return whether a vehicle whose path has been over for a time [s] will not arrive any more."""
     return late_s >= ARRIVAL_TIMEOUT_S
 
 
 @scalar_kernel
 def back_off_frac(distance_m: float) -> float:
-    """Return how far a stuck vehicle backs off from its goal, as a fraction of its distance from it [m]."""
+    """Return the retreat of a stuck vehicle from its goal, as a fraction of its distance from it [m]."""
     return BACK_OFF_M / distance_m if distance_m > ARRIVAL_RADIUS_M else 0.0
 
 
@@ -249,7 +249,7 @@ def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
     Args:
         tick: The tick that ended.
         follower: Its path follower; changed.
-        space: Where it may be.
+        space: Flight space of the vehicle.
 
     Returns:
         The notice for the agent.

@@ -23,7 +23,7 @@ from gslcosim_services.world.multirotor_control import (
 
 # Slower than this a reference stands still and has no direction of its own.
 _STANDSTILL_SPEED_M_S = 1e-3
-# What a wheel may turn faster than at top speed, so that errors can be made up for.
+# Excess of a wheel over its top speed that the control may use to correct errors.
 _WHEEL_SPEED_RESERVE = 1.2
 # Its z axis further from the vertical than this, a vehicle lies and its wheels are stopped.
 _MIN_UPRIGHTNESS = 0.3
@@ -38,7 +38,7 @@ def path_speed_and_turn(vehicle, state, x, y, yaw, t_s, dt_s):
     [m/s] = [1/s] [m];  [rad/s] = [m/s] [1/m^2] [m] = [1/s]
 
     e_x, e_y are the way from the vehicle to the reference along its nose and to its left, e_th is the direction of the
-    reference's motion seen from the nose; where the reference stands, that of the heading wanted. Beyond a quarter
+    reference's motion seen from the nose; for a reference at rest, that of the desired heading. Beyond a quarter
     turn e_th is taken as one.
 
     Args:
@@ -87,7 +87,7 @@ def wheel_torque_inplace(vehicle, state, i_wheel, wanted_rad_s, speed_rad_s, dt_
     Args:
         state: Record of `records.STATE`; the wheel's integral is advanced.
         i_wheel: 0 for the left one, 1 for the right one.
-        wanted_rad_s: Speed wanted [rad/s].
+        wanted_rad_s: Desired speed [rad/s].
         speed_rad_s: Speed [rad/s].
 
     Held by:
@@ -127,7 +127,7 @@ def wheel_speeds(vehicle, speed_m_s, turn_rad_s):
 def step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s):
     """Advance the controller of a vehicle on wheels by one sub-step and write the torques of its wheels.
 
-    What its agent sets is approached with the vehicle's acceleration; on a path that is kept by the path.
+    A setpoint of the agent is approached with the vehicle's acceleration; a path already keeps to it.
 
     Args:
         state: Record of `records.STATE`; heading, set speed and integrals are advanced.

@@ -29,7 +29,7 @@ def load_body_spec(vehicle: Vehicle) -> mujoco.MjSpec:
     return mujoco.MjSpec.from_file(str(vehicle.mjcf_path))
 
 
-# Once in a process: a suite flies the same vehicle thousands of times.
+# Once in a process: a suite runs the same vehicle thousands of times.
 @cache
 def check_body(vehicle: Vehicle) -> None:
     """Compile the MJCF of a vehicle by itself and compare it with the catalogue."""
@@ -46,7 +46,7 @@ def check_body(vehicle: Vehicle) -> None:
 
 
 def half_height_m(model: mujoco.MjModel, root: int) -> float:
-    """Return how far the lowest point of a vehicle is below its centre [m].
+    """Return the height of a vehicle's centre above its lowest point [m].
 
     Parts of a vehicle are not turned against its body at the start; each hangs on the body itself.
 
@@ -161,9 +161,9 @@ _DISABLED_FEATURES = (
 class Scene:
     """A compiled scene.
 
-    `thing_of_geom` names for each geom what is touched: the box, or the agent whose vehicle it belongs to;
-    `agent_of_geom` is the index of that agent, -1 for boxes; `is_rolling` tells wheels and casters. Parts of a vehicle
-    are named `<agent>/<part>`. `half_height_m` is how far each vehicle's lowest point is below its centre.
+    `thing_of_geom` names the object of each geom: the box, or the agent of the vehicle; `agent_of_geom` is the index
+    of that agent, -1 for boxes; `is_rolling` marks wheels and casters. Parts of a vehicle are named `<agent>/<part>`.
+    `half_height_m` is the height of each vehicle's centre above its lowest point.
     """
 
     model: mujoco.MjModel
@@ -199,7 +199,7 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, Vehicle]
 def scene_spec(
     environment: Environment, vehicles: Sequence[tuple[str, Vehicle]], dt_s: float
 ) -> tuple[mujoco.MjSpec, list[mujoco.MjSpec]]:
-    """Return a scene as it can still be added to, and what must live until it is compiled; see `build_scene`."""
+    """Return a scene that can still be extended, and the objects that must live until it is compiled."""
     spec = mujoco.MjSpec()
     spec.modelname = environment.name
     spec.option.timestep = dt_s
@@ -234,7 +234,7 @@ def _add_touch(spec: mujoco.MjSpec, name: str) -> None:
 
 
 class DoorGeoms:
-    """Opens and closes the doors of a scene as the room says; there is nothing to do in a room without.
+    """Opens and closes the doors of a scene with the room's; without effect in a room that has none.
 
     State: none of its own. MuJoCo's model follows the room with each `show`.
     """
@@ -259,7 +259,7 @@ class DoorGeoms:
 
 # All that integration depends on: time, positions, velocities, forces that are applied, and where the solver starts.
 _MUJOCO_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-# What our own control reads of the step before, beside it.
+# Values of the previous step that our own control reads.
 _SAVED_ARRAYS = ("qacc", "qfrc_constraint", "sensordata")
 
 

@@ -22,8 +22,8 @@ from gslcosim_services.world.trajectory import Limits, Trajectory, plan_to_veloc
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _pair_time_to_conflict_s(p_x, p_y, p_z, u, v, w, least_m):
-    # Two meet at the first root of |p - v t| = d. Who is too near already meets at once when it comes nearer still,
-    # else never.
+    # Two meet at the first root of |p - v t| = d. A vehicle that is too near already meets at once if it comes nearer
+    # still, else never.
     closing = u * p_x + v * p_y + w * p_z
     if closing <= 0.0:
         return np.inf
@@ -44,13 +44,13 @@ def time_to_conflict_s(own, wanted, positions_m, velocities_m_s, least_m):
 
     Args:
         own: Index of the vehicle among all.
-        wanted: Its velocity, world frame xyz [m/s].
+        wanted: Its desired velocity, world frame xyz [m/s].
         positions_m: (n, 3) all vehicles, world frame [m].
         velocities_m_s: (n, 3) all vehicles, world frame [m/s]; that of `own` does not count.
         least_m: (n,) what it keeps from each [m].
 
     Returns:
-        Time [s]; 0 for who is too near already and comes nearer; infinite when it meets nobody.
+        Time [s]; 0 for a vehicle that is too near already and comes nearer; infinite without a meeting.
 
     Source:
         Our derivation.
@@ -77,25 +77,25 @@ def time_to_conflict_s(own, wanted, positions_m, velocities_m_s, least_m):
 def passing_costs(
     tried_m_s, own, wanted, positions_m, velocities_m_s, least_m, gives_way, horizon_s, soonest_s, cost_m
 ):
-    """Return what velocities cost a vehicle among others.
+    """Return the costs of velocities of a vehicle among others.
 
     cost = |v - wanted| + w / max(t, t_soonest) where t < horizon        t time until the first meeting
     [m/s] = [m/s] + [m] / [s]
 
-    Another one that gives way too keeps its velocity u in half of the change: the two approach with 2 v - own - u,
+    Another one that makes way too keeps its velocity u in half of the change: the two approach with 2 v - own - u,
     else with v - u.
 
     Args:
         tried_m_s: (k, 3) velocities to choose from, world frame [m/s].
         own: Index of the vehicle among all.
-        wanted: Velocity that it would take alone, world frame xyz [m/s].
+        wanted: Velocity without the others, world frame xyz [m/s].
         positions_m: (n, 3) all vehicles, world frame [m].
         velocities_m_s: (n, 3) their velocities now, world frame [m/s].
         least_m: (n,) what it keeps from each [m].
         gives_way: (n,) whether each does its half.
         horizon_s: Meetings later than this cost nothing [s].
         soonest_s: Sooner ones cost no more than at this time [s].
-        cost_m: w, what a meeting costs [m].
+        cost_m: w, cost of a meeting [m].
 
     Returns:
         (k,) costs [m/s].
@@ -129,15 +129,15 @@ def passing_costs(
     return costs
 
 
-# How far ahead vehicles look [s]. Chosen: at 1 m/s each, two of them see one another 8 m apart.
+# Look-ahead of vehicles [s]. Chosen: at 1 m/s each, two of them detect one another 8 m apart.
 HORIZON_S = 4.0
-# What a second less until they meet costs against a velocity other than the wanted one [m]; chosen.
+# Cost of a second less until a meeting, against the deviation from the desired velocity [m]; chosen.
 _CONFLICT_COST_M = 3.0
 _MIN_CONFLICT_TIME_S = 0.05
-# Turns away from the wanted direction [rad], to the right first: of equally good ones the first is taken.
+# Turns away from the desired direction [rad], to the right first: of equally good ones the first is taken.
 _TURNS_RAD = tuple(side * i * math.pi / 8 for i in range(9) for side in ((-1, 1) if 0 < i < 8 else (-1,)))
 _SPEED_FRACTIONS = (1.0, 0.5)
-# What turns a wanted velocity into those that are tried, (k, 3) cosine, sine and share of the climb: all turns at full
+# Factors from a desired velocity to the candidates, (k, 3) cosine, sine and fraction of the climb: all turns at full
 # and at half speed, then none.
 _CANDIDATE_FACTORS = np.array(
     [(share * math.cos(a), share * math.sin(a), share) for share in _SPEED_FRACTIONS for a in _TURNS_RAD]
@@ -149,8 +149,8 @@ _CANDIDATE_FACTORS = np.array(
 class Neighbours:
     """All vehicles as one of them sees them; `own` is its index.
 
-    `positions_m` and `velocities_m_s` are (n, 3), world frame; `least_m` is (n,), what it keeps from each [m];
-    `gives_way` (n,) says which of them do their half of keeping apart.
+    `positions_m` and `velocities_m_s` are (n, 3), world frame; `least_m` is (n,), its distance from each [m];
+    `gives_way` (n,) marks those that do their half of keeping apart.
     """
 
     own: int
@@ -167,15 +167,15 @@ def has_conflict(wanted_m_s: Vec3, neighbours: Neighbours, within_s: float) -> b
 
 
 def find_passing_velocity(wanted_m_s: Vec3, neighbours: Neighbours, is_open: Callable[[Vec3], bool]) -> Vec3:
-    """Return the velocity, nearest to the wanted one, with which a vehicle gets past others.
+    """Return the velocity, nearest to the desired one, that leads a vehicle past others.
 
-    Reciprocal velocity obstacles: who shares the work with the other changes its velocity by half of what is needed.
-    What velocities cost is in `passing_costs`; the cheapest that leads to free places is taken.
+    Reciprocal velocity obstacles: a vehicle in a pair that both make way changes its velocity by half of the need.
+    `passing_costs` has the costs of velocities; the cheapest that leads to free places is taken.
 
     Args:
         wanted_m_s: Velocity that it would take alone, world frame [m/s], not zero.
         neighbours: The others, and its own velocity.
-        is_open: Whether a velocity leads to free places.
+        is_open: Predicate: a velocity leads to free places.
 
     Source:
         van den Berg, Lin and Manocha 2008, Reciprocal velocity obstacles for real-time multi-agent navigation,
@@ -211,7 +211,7 @@ def _candidate_velocities(wanted_m_s: Vec3) -> NDArray[np.float64]:
     return np.stack([cosine * u - sine * v, sine * u + cosine * v, share * w], axis=1)
 
 
-# How long a vehicle may go out of the way of others on one leg, before it holds.
+# Longest time for which a vehicle makes way for others on one leg, before it holds.
 MAX_EVASION_S = 20.0
 # The middle of a vehicle and its sides, in radii.
 _HULL_OFFSETS = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
@@ -252,21 +252,21 @@ class Evasion:
         return self._path is not None and self._path_follower.trajectory is self._path
 
     def is_too_long(self, tick: int) -> bool:
-        """Return whether the vehicle has gone out of the way for too long on this leg."""
+        """Return whether the vehicle has made way for too long on this leg."""
         return self._path_follower.leg is not None and self.is_under_way and tick >= self._until_tick
 
     def conflicting_velocity_m_s(self, tick: int, neighbours: Neighbours) -> Vec3 | None:
-        """Return the velocity wanted that would bring the vehicle too near to another one; nothing when none would."""
+        """Return the desired velocity that would bring the vehicle too near to another one, or nothing."""
         wanted_m_s, within_s = self._wanted(tick)
         return wanted_m_s if has_conflict(wanted_m_s, neighbours, within_s) else None
 
     def evade(self, tick: int, wanted_m_s: Vec3, neighbours: Neighbours) -> None:
-        """Take a velocity that passes the others, as near as possible to the one wanted."""
+        """Set a velocity that passes the others, as near as possible to the desired one."""
         velocity_m_s = find_passing_velocity(wanted_m_s, neighbours, self._is_open)
         self._path = plan_to_velocity(self._path_follower.motion(tick).state, velocity_m_s, self._limits, tick)
         self._path_follower.divert(self._path)
 
-    # The velocity straight to where it is going, slower on the last metre, and how far ahead that counts.
+    # The velocity straight to the goal, slower on the last metre, and its look-ahead.
     def _wanted(self, tick: int) -> tuple[Vec3, float]:
         kept_m_s, leg = self._path_follower.kept_velocity_m_s, self._path_follower.leg
         if kept_m_s is not None or leg is None:

@@ -1,4 +1,4 @@
-"""Registration and ports of the world service, known without building its core."""
+"""Registration and ports of the world service, readable without building its core."""
 
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import WIND

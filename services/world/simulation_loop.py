@@ -188,7 +188,7 @@ def step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind
 
 @numba.njit(cache=True, nogil=True)
 def step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s):
-    """Advance a point robot's controller by one sub-step and write the force and torque it wants; it feels no drag.
+    """Advance a point robot's controller by one sub-step and write its force and torque; the robot has no drag.
 
     Args:
         vehicle: Record of `records.CONSTANTS`.
@@ -309,7 +309,7 @@ def run_substeps_inplace(
         n_substeps: Sub-steps in a tick.
         tick: The tick that is advanced to; sub-step i starts at (tick - 1 + i/n_substeps) tick_s.
         tick_s: Length of a tick [s].
-        vehicles: (n,) records of `records.CONSTANTS`; they say where a vehicle's numbers begin in those of MuJoCo.
+        vehicles: (n,) records of `records.CONSTANTS`, with the indices of each vehicle's numbers in those of MuJoCo.
         states: (n,) records of `records.STATE`; advanced.
         inertial: (n, n_substeps or 0, 9) written where it has rows: see `write_inertial_inplace`.
         qpos: (n_qpos,) view of MuJoCo's positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.

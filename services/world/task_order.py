@@ -1,4 +1,4 @@
-"""Order in which an autopilot does things: what becomes of a task, what a tick is watched for, when the agent is asked.
+"""Decisions of an autopilot: the fate of a task, the event a tick is watched for, the ticks at which the agent is due.
 
 These are scalar kernels, which `autopilot` calls for one vehicle, and batches of searches for many.
 """
@@ -7,13 +7,13 @@ These are scalar kernels, which `autopilot` calls for one vehicle, and batches o
 
 from gslcosim.base.scalar_kernels import scalar_kernel
 
-# What becomes of a task.
+# Fates of a task.
 REFUSE, STOP, DEFER, DROP, RISE, ACCEPT = range(6)
 
 
 @scalar_kernel
 def find_answer(is_refused: bool, is_hold: bool, is_taking_off: bool, has_to_rise: bool) -> int:
-    """Return what becomes of a new task: REFUSE, STOP, DEFER, RISE or ACCEPT.
+    """Return the fate of a new task: REFUSE, STOP, DEFER, RISE or ACCEPT.
 
     A task that is refused and one to hold both stop the vehicle, and drop a task that was deferred.
 
@@ -34,7 +34,7 @@ def find_answer(is_refused: bool, is_hold: bool, is_taking_off: bool, has_to_ris
 
 @scalar_kernel
 def find_deferred_answer(is_taking_off: bool, is_holding: bool) -> int:
-    """Return what becomes of a deferred task at the end of a tick: DEFER, ACCEPT, or DROP where something came between.
+    """Return the fate of a deferred task at the end of a tick: DEFER, ACCEPT, or DROP after another event.
 
     Args:
         is_taking_off: The vehicle takes off.
@@ -45,16 +45,16 @@ def find_deferred_answer(is_taking_off: bool, is_holding: bool) -> int:
     return ACCEPT if is_holding else DROP
 
 
-# What a tick is watched for.
+# Events that a tick is watched for.
 NOTHING, PREPARATION, EDGE, ARRIVAL = range(4)
 
 
 @scalar_kernel
 def find_watch(is_preparing: bool, is_continuous: bool, is_under_way: bool) -> int:
-    """Return what to look for at the end of a tick: PREPARATION, EDGE, ARRIVAL or NOTHING.
+    """Return the event to watch for at the end of a tick: PREPARATION, EDGE, ARRIVAL or NOTHING.
 
     Args:
-        is_preparing: The path only prepares for the task, which then goes on.
+        is_preparing: The path only prepares for the task, which starts after it.
         is_continuous: The motion has no end of its own, so that the room's may come first.
         is_under_way: The vehicle goes to a place.
     """
@@ -69,10 +69,10 @@ def find_watch(is_preparing: bool, is_continuous: bool, is_under_way: bool) -> i
 def is_command_due(
     is_every_tick: bool, is_failed: bool, is_idle: bool, is_continuous: bool, tick: int, hold_until_tick: int
 ) -> bool:
-    """Return whether the agent is asked for a command at the end of a tick.
+    """Return whether the agent is due for a command at the end of a tick.
 
     Args:
-        is_every_tick: It is asked at every tick.
+        is_every_tick: The agent is due at every tick.
         is_failed: The vehicle has stopped for good.
         is_idle: The vehicle holds or stands, with nothing ahead.
         is_continuous: Its motion has no end of its own.

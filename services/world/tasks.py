@@ -16,7 +16,7 @@ from gslcosim_services.world.path_follower import PathFollower
 from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading, is_beyond_limit
 from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilities
 
-# Tasks that differ only in how long to hold are the same: the time counts from when a task is taken up.
+# Tasks that differ only in their hold time are equal: the time counts from the start of a task.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,12 +26,12 @@ class Noop:
 
 @dataclass(frozen=True, kw_only=True)
 class Abort:
-    """Stop for good: the agent is gone."""
+    """Stop for good, after the loss of the agent."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """Stop and hold for a time [s] (absent: as the scenario says), looking somewhere."""
+    """Stop and hold for a time [s] (absent: the scenario's), with a heading."""
 
     heading: Heading = UNCHANGED_HEADING
     hold_s: float | None = field(default=None, compare=False)
@@ -50,7 +50,7 @@ class GoTo:
 
         Args:
             usual_s: The vehicle's hold [s], where a waypoint has none of its own.
-            is_fixed: Whether the last leg ends with it in any case; one that is passed has no end to hold at.
+            is_fixed: The last leg ends with it in any case; one that is passed has no end to hold at.
         """
         if is_fixed and self.legs and not self.legs[-1].is_passed:
             return (*self.legs[:-1], replace(self.legs[-1], hold_s=usual_s))
@@ -62,7 +62,7 @@ class GoTo:
 
 @dataclass(frozen=True, kw_only=True)
 class Cruise:
-    """Take a velocity, world frame [m/s], and keep it; the agent is asked after a time [s]."""
+    """Set a velocity, world frame [m/s], and keep it; the agent is due after a time [s]."""
 
     velocity_world_m_s: Vec3
     heading: Heading
@@ -71,7 +71,7 @@ class Cruise:
 
 @dataclass(frozen=True, kw_only=True)
 class DirectControl:
-    """Follow a setpoint of the agent; it is asked after a time [s]."""
+    """Follow a setpoint of the agent, which is due after a time [s]."""
 
     setpoint: Setpoint
     hold_s: float | None = field(default=None, compare=False)
@@ -84,7 +84,7 @@ class TakeOff:
 
 @dataclass(frozen=True, kw_only=True)
 class Land:
-    """Come down to what is below."""
+    """Descend to the surface below."""
 
 
 Task = Noop | Abort | Hold | GoTo | Cruise | DirectControl | TakeOff | Land
@@ -137,10 +137,10 @@ def find_refusal(task: Task, abilities: VehicleCapabilities, space: FlightSpace,
     """Return why a vehicle cannot do a task, or nothing when it can.
 
     Args:
-        task: What the agent wants.
-        abilities: What the vehicle can do.
-        space: Where it may be sent.
-        is_on_ground: Whether it stands with its rotors off.
+        task: Task of the agent.
+        abilities: Abilities of the vehicle.
+        space: Its flight space.
+        is_on_ground: It stands with its rotors off.
     """
     match task:
         case GoTo(legs=legs):
@@ -169,10 +169,10 @@ def find_refusal_from_state(
     Args:
         tick: The tick that ended.
         task: A task that the vehicle could do somewhere.
-        follower: What it follows now.
+        follower: Its path follower.
         edges: The space around it.
         rises_to_m: The height at which the task begins, after a take-off [m]; nothing in the air.
-        avoids: Whether paths are planned, so that legs need not be free as they are said.
+        avoids: Paths are planned, so that the commanded legs need not be free.
     """
     match task:
         case Land():

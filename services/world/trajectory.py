@@ -25,9 +25,9 @@ PEAK_SPEED_FACTOR = 15.0 / 8.0
 PEAK_ACCELERATION_FACTOR = 10.0 / math.sqrt(3.0)
 
 N_SAMPLES = 32
-# How often a path is looked at to see how far it leaves the straight line.
+# Samples of a path for its deviation from the straight line.
 _N_DEVIATION_SAMPLES = 10
-# How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
+# Greatest deviation of a path to rest from the straight line: in braking distances, and beyond that [m].
 _ALLOWED_BRAKING_DISTANCES = 2.0
 _ALLOWED_DEVIATION_M = 0.25
 
@@ -151,7 +151,7 @@ def polynomial_at(coefficients, axis, t_s):
 
 @numba.njit(cache=True, nogil=True)
 def polynomial_state(coefficients, t_s):
-    """Return position [m], velocity [m/s] and acceleration [m/s^2] of a polynomial as rows; see `polynomial_at`.
+    """Return position [m], velocity [m/s] and acceleration [m/s^2] of a polynomial as rows.
 
     Args:
         coefficients: (3, 6) axis xyz, power 0 to 5, world frame [m/s^i].
@@ -182,7 +182,7 @@ def _norm(vector):
 
 @numba.njit(cache=True, nogil=True)
 def max_lateral_deviation_m(coefficients, duration_s, place_m):
-    """Return how far a path to rest leaves the straight line to its end [m], from ten looks at it.
+    """Return the deviation of a path to rest from the straight line to its end [m], from ten samples.
 
     Args:
         place_m: (3,) where it ends, world frame [m].
@@ -209,7 +209,7 @@ def max_lateral_deviation_m(coefficients, duration_s, place_m):
 
 @numba.njit(cache=True, nogil=True)
 def allowed_lateral_deviation_m(speed_m_s, max_acceleration_m_s2):
-    """Return how far a path to rest may leave the straight line [m]: twice the way that braking takes, and more.
+    """Return the greatest deviation of a path to rest from the straight line [m]: twice the braking distance, and more.
 
     Args:
         speed_m_s: Speed at its start [m/s].
@@ -278,13 +278,13 @@ def peak_speed_and_acceleration(coefficients, duration_s):
 MIN_DURATION_S = 0.2
 DURATION_GROWTH = 1.04
 _N_DURATIONS = 250
-# A hair more than what is allowed, so that rounding never rules out what a look at the whole path would not.
+# Slightly more than the limit, so that rounding never rejects a path that a full check accepts.
 _ROUNDING_MARGIN = 1.0 + 1e-9
 
 
 @numba.njit(cache=True, nogil=True)
 def _limit_excess(coefficients, duration_s, speed_limit, acceleration_limit, allowed):
-    """Return the greater of a polynomial's peaks in units of its limits; infinity where few looks show it too great.
+    """Return the greater of a polynomial's peaks in units of its limits; infinity where few samples exceed them.
 
     Args:
         speed_limit: Greatest speed [m/s].
@@ -329,11 +329,11 @@ def plan_quickest_inplace(coefficients, start, end, is_velocity, max_speed_m_s, 
     From rest to rest and from steady flight to a velocity the duration is in closed form. Otherwise durations grow by
     4 % from a short one until both peaks are within the limits; a start or end that already breaks a limit raises that
     limit to itself, and where no duration is feasible (speed at its limit and still accelerating) the one that breaks
-    the limits least is taken. Sampled peaks may lie 2 % above the limits where an end state is flown through.
+    the limits least is taken. Sampled peaks may lie 2 % above the limits where an end state is passed in motion.
 
     Args:
         end: (3, 3) the state to reach; of a velocity only its row counts.
-        is_velocity: Whether only the velocity of `end` is to be reached, wherever that is.
+        is_velocity: Only the velocity of `end` counts, at any position.
         max_speed_m_s: Greatest speed [m/s], > 0.
         max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
         least_s: No shorter than this [s], >= 0.
@@ -367,7 +367,7 @@ def plan_quickest_inplace(coefficients, start, end, is_velocity, max_speed_m_s, 
     duration = max(MIN_DURATION_S if step_s == 0.0 else step_s, quickest, least_s)
     first_duration = best_duration = duration
     least = np.inf
-    # Most durations are seen to be too short at once; what breaks the limits least matters only where none is feasible.
+    # Few samples reject most durations; the least excess over the limits matters only where no duration is feasible.
     for _ in range(_N_DURATIONS):
         duration = _whole_steps(duration, step_s)
         if not (is_velocity and _is_surely_too_short(start, dx, dy, dz, duration, allowed * acceleration_limit)):
@@ -396,7 +396,7 @@ def _whole_steps(duration_s, step_s):
     return max(1.0, math.ceil(duration_s / step_s - 1e-6)) * step_s
 
 
-# Compiled functions take positional arguments only: what the flag of `plan_quickest_inplace` means.
+# Compiled functions take positional arguments only: values of the flag of `plan_quickest_inplace`.
 _TO_POINT, _TO_VELOCITY = False, True
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 # Ticks and durations that differ by less are the same instant.
@@ -436,7 +436,7 @@ UNCHANGED_HEADING = Heading()
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """A polynomial from the end of `start_tick` on; after `duration_s` it goes on with `end_velocity_world_m_s`.
+    """A polynomial from the end of `start_tick` on; after `duration_s` it continues with `end_velocity_world_m_s`.
 
     `coefficients` is (3, 6): axis xyz, power 0 to 5, world frame [m/s^i]. `forgets_integral` clears what the controller
     has learned of steady forces: after pushing against an obstacle that is wrong.
@@ -456,7 +456,7 @@ class Trajectory:
         return self.state_after(seconds_from_ticks(tick - self.start_tick, tick_ns))
 
     def state_after(self, t_s: float) -> NDArray[np.float64]:
-        """Return the reference at a time since the end of the start tick [s]; see `state_at`."""
+        """Return the reference at a time since the end of the start tick [s]."""
         if is_path_over(t_s, self.duration_s):
             beyond_s = max(0.0, t_s - self.duration_s)
             velocity = np.array(self.end_velocity_world_m_s)
@@ -488,7 +488,7 @@ def plan_to_point(start: NDArray[np.float64], end_world_m: Vec3, limits: Limits,
     """Return the quickest trajectory that comes to rest at a point.
 
     Args:
-        end_world_m: Where it rests, world frame [m].
+        end_world_m: Place of rest, world frame [m].
     """
     return plan_to_state(start, np.array([end_world_m, _ZERO, _ZERO]), limits, start_tick)
 
@@ -502,7 +502,7 @@ def plan_to_state(
     least_s: float = 0.0,
     step_s: float = 0.0,
 ) -> Trajectory:
-    """Return the quickest trajectory that reaches a state of motion and goes on with its velocity.
+    """Return the quickest trajectory that reaches a state of motion and continues with its velocity.
 
     Args:
         end: (3, 3) the same at the end.
@@ -523,7 +523,7 @@ def plan_to_state(
 def plan_to_velocity(
     start: NDArray[np.float64], velocity_world_m_s: Vec3, limits: Limits, start_tick: int
 ) -> Trajectory:
-    """Return the quickest trajectory that reaches a velocity and goes on with it; zero is a stop.
+    """Return the quickest trajectory that reaches a velocity and continues with it; zero is a stop.
 
     Args:
         velocity_world_m_s: Velocity to reach, world frame [m/s].

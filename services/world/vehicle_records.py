@@ -18,9 +18,9 @@ from gslcosim_services.world.multirotor_control import ATTITUDE, DRIVE, PATH, RA
 from gslcosim_services.world.scene import HULL
 from gslcosim_services.world.trajectory import Limits, Trajectory
 
-# What of its greatest tilt a vehicle may plan with; the rest is for wind and errors.
+# Fraction of its greatest tilt that a vehicle may plan with; the rest is for wind and errors.
 _PLANNED_ACCELERATION_FRACTION = 0.9
-# Air drag may take up to this share of that.
+# Air drag may take up to this fraction of that.
 _MAX_DRAG_FRACTION = 0.5
 
 
@@ -44,7 +44,7 @@ def derive_capabilities(spec: VehicleSpec, model: Vehicle, constants: Any, half_
     """Derive the capabilities of a vehicle from its parameters and the scenario.
 
     Args:
-        spec: What the scenario says of it.
+        spec: Its block in the scenario.
         constants: Its record of `records.CONSTANTS`.
         half_height_m: Its centre above what it stands on [m].
     """
@@ -86,17 +86,17 @@ CONSTANTS = np.dtype(
         ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
         ("i_qvel", np.int64),
         ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
-        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as wanted and the air does not
+        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as commanded and the air does not
         ("has_wheels", np.int64),
         ("mass_kg", np.float64),
         ("gravity_m_s2", np.float64),
         ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
-        ("n_rotors", np.int64),  # the rest of what has room for all rotors is 0
+        ("n_rotors", np.int64),  # entries beyond the number of rotors are 0
         ("wrench_from_thrusts", np.float64, (4, MAX_ROTORS)),  # rows thrust, torque xyz; columns rotors
         ("thrusts_from_wrench", np.float64, (MAX_ROTORS, 4)),
         ("thrust_coefficient_n_s2", np.float64),
         ("max_rotor_speed_rad_s", np.float64),
-        ("response_up", np.float64),  # share of a speed difference that is closed in one sub-step
+        ("response_up", np.float64),  # fraction of a speed difference that is closed in one sub-step
         ("response_down", np.float64),
         ("rotor_drag_n_s2_m", np.float64, (3,)),
         ("half_density_drag_area_kg_m", np.float64, (3,)),
@@ -154,7 +154,7 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
     """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
 
     Args:
-        prefix: What stands before the names of the vehicle's parts in the scene.
+        prefix: Prefix of the names of the vehicle's parts in the scene.
         dt_s: Length of a sub-step [s].
     """
     body = model.body(f"{prefix}body").id

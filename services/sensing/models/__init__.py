@@ -56,7 +56,7 @@ def sensor_names() -> tuple[str, ...]:
     return (*SENSOR_MODELS, *sorted(_load_offered(places, tuple(_changed_ns(place) for place in places))))
 
 
-# Looked for again only where something was installed or taken away: that reads a file for each package there is.
+# Read again only after an installation or removal: each look-up reads a file for every installed package.
 @lru_cache(maxsize=8)
 def _load_offered(places: tuple[str, ...], changed_ns: tuple[int, ...]) -> frozenset[str]:
     del places, changed_ns

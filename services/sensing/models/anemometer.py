@@ -17,8 +17,8 @@ def measure_planar_wind(
 ) -> bool:
     """Measure the horizontal wind relative to the moving mount.
 
-    values = (speed_m_s, direction_rad). The direction is where the wind comes from, in the world frame,
-    counter-clockwise from +x, in (-pi, pi]: the instrument knows its own heading. In exactly calm air it is 0 + noise.
+    values = (speed_m_s, direction_rad). The direction is that from which the wind comes, in the world frame,
+    counter-clockwise from +x, in (-pi, pi]: the instrument has its own heading. In exactly calm air it is 0 + noise.
 
     speed = |b| + N(0, speed_noise), at least 0; direction = atan2(-b_y, -b_x) + N(0, direction_noise);
     b follows a by `lag_frac` of the gap in each tick, a = wind - velocity of the mount, horizontal part [m/s];
@@ -59,8 +59,8 @@ def measure_wind(
     """Measure the whole wind relative to the moving mount: values = (x, y, z) in world directions [m/s].
 
     Each component follows wind - velocity of the mount by `lag_frac` of the gap in each tick, with N(0, speed_noise) on
-    what it shows; parameters = (lag_frac, speed_noise) [1, m/s].
-    State: whether it has begun, what it follows. Draws x, y, z in each tick. See `SensorKernel` for the arguments.
+    the values; parameters = (lag_frac, speed_noise) [1, m/s].
+    State: whether it has begun, the lagged wind. Draws x, y, z in each tick. See `SensorKernel` for the arguments.
 
     Held by:
         tests/unit/services/sensing/test_anemometer.py

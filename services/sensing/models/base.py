@@ -33,17 +33,17 @@ class SensorModel(Protocol):
     """One instrument on one vehicle, new in every run; it is read once a tick, from tick 0 on."""
 
     def read(self, sample: Any, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return what the instrument shows at the end of the tick.
+        """Return the reading of the instrument at the end of the tick.
 
         Args:
             sample: True gas and wind at the mount, a `MountSample`; for on-board sensors their `Surroundings`.
-            mount_velocity_world_m_s: How the mount moves, world frame [m/s].
+            mount_velocity_world_m_s: Velocity of the mount, world frame [m/s].
         """
         ...
 
 
 new_reading = build_unchecked_constructor(Reading)
-"""Makes a `Reading` of values whose types are known; models that are read at every tick use it."""
+"""Makes a `Reading` of values with known types; for models that are read at every tick."""
 
 Estimator = Callable[[Reading], Reading]
 
@@ -51,7 +51,7 @@ ESTIMATE_SUFFIX = "_ppm"
 _MAX_NAME_LENGTH = 40
 
 
-@cache  # asked for in every tick
+@cache  # called in every tick
 def estimate_name(sensor: str) -> str:
     """Return the name of the second reading of a sensor, with the mixing ratio that the first one suggests."""
     return sensor[: _MAX_NAME_LENGTH - len(ESTIMATE_SUFFIX)] + ESTIMATE_SUFFIX
@@ -61,17 +61,17 @@ def estimate_name(sensor: str) -> str:
 class SensorKind:
     """One row of the table of sensor models.
 
-    `settings` is the block of a scenario that describes one: what it has beside its base is the sensor's own.
+    `settings` is a sensor's block in a scenario: its keys beside those of the base are the sensor's own.
     `build(spec, tick_s, rng)` returns a new instrument; `spec` is such a block, `rng` its own random stream. `quantity`
-    and `unit` are those of its readings, `description` says what it stands for and what the reading's values are.
-    `has_own_noise` says that the model itself applies the scenario's `noise_std`. `n_with_errors` says how many of a
-    reading's values, from the first on, have the scenario's bias, drift, noise and limit (absent: all of them),
-    `least_value` below which they never are.
+    and `unit` are those of its readings, `description` names the device and the values of a reading.
+    `has_own_noise` marks models that apply the scenario's `noise_std` themselves. `n_with_errors` is the number of a
+    reading's values, from the first on, with the scenario's bias, drift, noise and limit (absent: all of them),
+    `least_value` their lower bound.
 
     `for_gases(definitions)` returns the row for a scenario that defines gases of its own, where that matters.
-    `estimator(gas)` returns how to turn a reading into a second one that tells the mixing ratio [ppm] of a gas, as the
-    maker's sheet would have it; nothing where the sheet does not know the gas. The second reading is named after the
-    sensor with `_ppm` behind.
+    `estimator(gas)` returns the conversion of a reading into a second one, the mixing ratio [ppm] of a gas according
+    to the maker's sheet; nothing where the sheet lacks the gas. The second reading is named after the sensor with
+    `_ppm` behind.
     """
 
     name: str
@@ -100,7 +100,7 @@ class SensorKernel:
     [ppm by volume], which it may overwrite, wind and velocity of the mount, (3,) each in the world frame [m/s]; it
     draws from the stream, advances the state, writes the (n_values,) values of the reading, in the unit of the kind of
     sensor, and returns whether they are saturated. It is called in each tick from tick 0 on. See
-    `gslcosim.base.scalar_kernels` for what may stand in it.
+    `gslcosim.base.scalar_kernels` for the language of such kernels.
 
     `parameters` stay as they are, `state` is that of a new instrument.
     """
@@ -118,14 +118,14 @@ Kind = TypeVar("Kind", bound=SensorKind)
 
 
 def make_kind(kind: type[Kind], name: str, quantity: str, unit: str, description: str, **more: Any) -> Kind:
-    """Return the row of one of gslcosim's own models, whose block is in `SENSOR_BLOCKS`."""
+    """Return the row of a model of gslcosim, whose block is in `SENSOR_BLOCKS`."""
     named = {"name": name, "settings": SENSOR_BLOCKS[name]}
     return kind(**named, quantity=quantity, unit=unit, description=description, **more)
 
 
 @dataclass(frozen=True, kw_only=True)
 class KernelSensorKind(SensorKind):
-    """A kind of sensor of gas or wind whose instrument is a scalar kernel, so that it works in batches too.
+    """A kind of sensor of gas or wind with a scalar kernel as its instrument, which batches call too.
 
     `kernel(spec, gases, tick_s)` returns the kernel of an instrument: `spec` is its block, `gases` are the names of the
     gases in the order in which it gets their mixing ratios, `tick_s` is the length of a tick [s].
@@ -171,7 +171,7 @@ class KernelSensor:
         self._values = [0.0] * kernel.n_values
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the reading at the end of the tick; see `SensorModel.read`.
+        """Return the reading at the end of the tick.
 
         Raises:
             ModelError: a value is not finite.
@@ -200,12 +200,12 @@ class KernelSensor:
         )
 
 
-# Where the numbers of what remembers a time stand: how many ticks it has seen, its sum, and the ring of its ticks.
+# Indices in the state of a memory of some length of time: number of ticks seen, their sum, and the ring of its ticks.
 N_SEEN, _SUM, RING = range(3)
 
 
 def new_window(time_s: float, tick_s: float) -> tuple[float, ...]:
-    """Return the state of what remembers each tick of a time [s], at least one, before the first tick."""
+    """Return the state, before the first tick, of a memory of the ticks of a time [s], at least one."""
     return (0.0,) * (RING + max(1, round(time_s / tick_s)))
 
 
@@ -228,7 +228,7 @@ def push_count(window: MutableSequence[float], count: float) -> float:
 
 @dataclass(frozen=True)
 class KernelEstimator:
-    """Turns a reading into a second one that tells a mixing ratio, by a scalar kernel; see `SensorKind.estimator`.
+    """Turns a reading into an estimate of a mixing ratio, by a scalar kernel; see `SensorKind.estimator`.
 
     `estimate(parameters, values)` returns the mixing ratio [ppm by volume].
     """
@@ -356,7 +356,7 @@ def read_errors(kind: SensorKind, spec: SensorSpec) -> MeasurementErrors:
 
 
 def lag_frac(t90_s: float, tick_s: float) -> float:
-    """Return by how much of its gap an instrument follows in a tick; 1 without a lag.
+    """Return the fraction of its gap that an instrument closes in a tick; 1 without a lag.
 
     f = 1 - exp(-dt ln 10 / t90)        a first-order lag shows nine tenths of a step after t90
     """
@@ -365,7 +365,7 @@ def lag_frac(t90_s: float, tick_s: float) -> float:
 
 @scalar_kernel
 def follow(shown: float, true: float, frac: float) -> float:
-    """Return what an instrument shows that follows by a fraction of its gap; the truth itself for 1."""
+    """Return the output of an instrument that closes a fraction of its gap; the truth itself for 1."""
     return true if frac == 1.0 else shown + frac * (true - shown)
 
 
@@ -374,13 +374,13 @@ class ImperfectSensor:
 
     In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
     gain v + bias + drift t + N(0, noise_std), t the time since the start, where the unit has a gain of
-    exp(N(0, gain_spread)) and a drift of drift_per_s + N(0, drift_spread_per_s); values are kept within +- `max_value`,
-    and `is_saturated` says so, never fall below the kind's `least_value`, and are rounded to the `resolution`; between
-    readings, `period_s` apart, the last one is repeated. Until `warm_up_s` after the start a reading `is_warming_up`:
-    its values are those of the first one. Units are the reading's.
+    exp(N(0, gain_spread)) and a drift of drift_per_s + N(0, drift_spread_per_s); values are kept within +- `max_value`
+    (`is_saturated` reports a cut), never fall below the kind's `least_value`, and are rounded to the `resolution`;
+    between readings, `period_s` apart, the last one is repeated. Until `warm_up_s` after the start a reading
+    `is_warming_up`: its values are those of the first one. Units are the reading's.
 
     State: samples within the delay, the last reading, the number of the tick. When made it draws the unit's gain and
-    drift, where units differ: each run flies another unit. Draws one number for each value at each reading, after the
+    drift, where units differ: each run has another unit. Draws one number for each value at each reading, after the
     model's own draws; none where `noise_std` is 0 or is the model's. All from the sensor's own stream.
     Values past the kind's first `n_with_errors`, such as a direction behind a speed, stay as the model has them.
     Held by: tests/unit/services/sensing/test_measurement_errors.py
@@ -406,7 +406,7 @@ class ImperfectSensor:
         self._cold: Reading | None = None
 
     def read(self, sample: Any, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the reading that holds at the end of the tick; see `SensorModel.read`."""
+        """Return the reading that holds at the end of the tick."""
         self._tick += 1
         self._seen.append((sample, mount_velocity_world_m_s))
         reading = self._model.read(*self._seen[0])

@@ -159,7 +159,7 @@ def advance_two_lags(
 
 
 def two_lag_remainder(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
-    """Return what is left of two lags' gaps after a time t [s].
+    """Return the rest of two lags' gaps after a time t [s].
 
     First gap times e^(-t/A); second gap times e^(-t/B) plus first gap times the third factor.
     """
@@ -240,13 +240,13 @@ PPM_KINDS = (
 
 
 class TdlasSensor:
-    """A tunable diode laser that looks along a beam to the first wall and back, tuned to the gas that is searched for.
+    """A tunable diode laser along a beam to the first wall and back, tuned to the gas searched for.
 
     reading = mean of the mixing ratio along the beam times its length      [ppm m] = [ppm] [m]
 
     The beam starts at the mount and points in the direction `beam_body`. Where no wall reflects it within
-    `max_range_m`, the reading falls to 0 and `is_saturated`: nothing came back. It follows by `lag_frac` of the gap in
-    each tick. State: what it shows, 0 at first. No noise of its own.
+    `max_range_m`, no light returns: the reading falls to 0 and `is_saturated`. It follows by `lag_frac` of the gap in
+    each tick. State: its reading, 0 at first. No noise of its own.
 
     Source:
         GADEN's simulated TDLAS marches along a ray and sums ppm times metres of methane.
@@ -264,7 +264,7 @@ class TdlasSensor:
         self._shown_ppm_m = 0.0
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the reading [ppm m]; see `SensorModel.read`. The first gas is the one that is searched for."""
+        """Return the reading [ppm m]; the first gas is the one searched for."""
         del mount_velocity_world_m_s
         beam_m = sample.beam_m or 0.0
         ppm = sample.gases[0].mixing_ratio_ppm if sample.gases else 0.0

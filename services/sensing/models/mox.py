@@ -71,10 +71,9 @@ def build_mox_parameters(definitions: tuple[GasDefinition, ...] = ()) -> dict[st
 MOX_PARAMETERS = build_mox_parameters()
 
 
-# Where a sensor's numbers stand among the parameters of its kernel: then come A and B of each gas, 0 and 0 where it has
-# no effect.
+# Indices among the parameters of a sensor's kernel; A and B of each gas follow, 0 and 0 for a gas without effect.
 _R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _NOISE, _WALK_STEP, _LAWS = range(7)
-# Closer than this to clean air nobody takes a resistance for gas: ten standard deviations of the default noise.
+# Resistances closer than this to clean air are not taken for gas: ten standard deviations of the default noise.
 CLEAN_BAND_FRAC = 0.03
 
 
@@ -148,7 +147,7 @@ def advance_mox(
 
     Left out:
         Humidity and temperature, which move the baseline of a real one by tens of per cent between days; the walk
-        stands for what they do within a flight.
+        represents their changes within a run.
 
     Source:
         First-order response with figures as in GADEN (see `steady_ratio`).
@@ -182,8 +181,8 @@ def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
     c = (Rs/R0 / A)^(1 / B) where Rs/R0 is more than `CLEAN_BAND_FRAC` below clean air, else 0; infinity becomes the
     largest double.
 
-    What somebody would conclude with the maker's sheet and the R0 of this unit: the sensor's lag, its other gases, its
-    noise and baseline are in it, and just below clean air it jumps to the floor, below which the gas has no effect.
+    The inverse of the maker's sheet with the R0 of this unit: the sensor's lag, its other gases, its noise and
+    baseline are in it, and just below clean air it jumps to the floor, below which the gas has no effect.
 
     Args:
         parameters: Of `build_mox_kernel` for this gas alone, of which it must have figures.
@@ -202,7 +201,7 @@ def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
 def _build_estimator(parameters: MoxParameters, gas: str) -> KernelEstimator | None:
     if parameters.power_law.get(gas, (1.0, 0.0))[1] == 0.0:
         return None
-    # How long a tick is makes no difference to it.
+    # Independent of the length of a tick.
     numbers = build_mox_kernel(parameters, (gas,), 1.0).parameters
     return KernelEstimator(estimate_ppm, numbers, ESTIMATE_QUANTITY, ESTIMATE_UNIT)
 

@@ -39,7 +39,7 @@ class Imu:
 
     `array` is (n, 6) float64, a row for each sample of the tick: `rate_hz` of them a second, each the mean of the
     physics steps since the one before, so that sums over rows are changes of velocity and angle. At rest it shows
-    (0, 0, g, 0, 0, 0). What exceeds its range is cut there, and the reading `is_saturated`.
+    (0, 0, g, 0, 0, 0). Values beyond its range are cut there, and the reading `is_saturated`.
 
     State: two wandering biases. Draws the accelerometer's and the gyroscope's at the start; in each tick the steps of
     the one, of the other, and then the noise of all samples.
@@ -66,7 +66,7 @@ class Imu:
         self._pace = _sample_errors(imu, 1, tick_s)
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the samples of the tick; see `SensorModel.read`."""
+        """Return the samples of the tick."""
         del mount_velocity_world_m_s
         from gslcosim_services.sensing.models.imu_kernels import sample_imu  # the table of sensors needs no compiler
 
@@ -169,7 +169,7 @@ class Gps:
         self._noise = position + velocity
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the fix; see `SensorModel.read`."""
+        """Return the fix."""
         place_m, offset_m = sample.place_world_m(self._spec.mount_m), self._offset.step()
         truth = *(x + off for x, off in zip(place_m, offset_m, strict=True)), *mount_velocity_world_m_s
         draws = self._rng.standard_normal(6).tolist()
@@ -197,7 +197,7 @@ class Barometer:
         self._tick = -1
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the pressure; see `SensorModel.read`."""
+        """Return the pressure."""
         del mount_velocity_world_m_s
         self._tick += 1
         barometer = self._spec.barometer
@@ -238,7 +238,7 @@ class Magnetometer:
         self._bias = GaussMarkovBias((magnetometer.random_walk,) * 3, magnetometer.correlation_s, tick_s, rng)
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the field; see `SensorModel.read`."""
+        """Return the field."""
         del mount_velocity_world_m_s
         values = sample.world_from_body.T @ self._field_ut + np.array(self._bias.step())
         values = values + self._noise_ut * self._rng.standard_normal(3)
@@ -250,7 +250,7 @@ class PoseSensor:
 
     p + N(0, position);   q * exp(N(0, attitude) / 2);   v + N(0, velocity)
 
-    Of a vehicle that has one, the pose in the observation is what it last said, instead of the exact one. State: none.
+    On a vehicle with this sensor, the pose in the observation is its last reading, not the exact one. State: none.
     Draws in each tick: position, attitude about body x, y, z, velocity. The noises are chosen, as of motion capture
     with a margin.
 
@@ -266,7 +266,7 @@ class PoseSensor:
         self._noise = np.repeat([pose.position_noise_m, pose.attitude_noise_rad, pose.velocity_noise_m_s], 3)
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the pose of the vehicle, wherever the sensor is mounted; see `SensorModel.read`."""
+        """Return the pose of the vehicle, independent of the sensor's mount."""
         del mount_velocity_world_m_s
         body = sample.body
         errors = (self._noise * self._rng.standard_normal(9)).tolist()

@@ -28,7 +28,7 @@ from gslcosim_services.sensing.models.base import SensorKind, Surroundings, make
 class Bumper:
     """values = (1 or 0,): whether anything touched the vehicle in the last `period_s`; without a period, in the tick.
 
-    What wheels roll on does not count; what a vehicle in the air stands on before its take-off does. State: the
+    The ground under wheels does not count; the ground before a take-off does. State: the
     contacts of each tick within the period. Draws nothing. Held by: tests/unit/services/sensing/test_bumper.py
     """
 
@@ -38,14 +38,14 @@ class Bumper:
         self._contacts = list(new_contacts(spec, tick_s))
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return 1 after a contact, else 0; see `SensorModel.read`."""
+        """Return 1 after a contact, else 0."""
         del mount_velocity_world_m_s
         value = note_contact(self._contacts, bool(sample.body.contacts))
         return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(value,))
 
 
 def new_contacts(spec: BumpSensorSpec, tick_s: float) -> tuple[float, ...]:
-    """Return what a new bumper remembers, for `note_contact`."""
+    """Return the state of a new bumper, for `note_contact`."""
     return new_window(spec.period_s or tick_s, tick_s)
 
 
@@ -77,7 +77,7 @@ class Camera:
         self._image: CameraImage | None = None
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the last picture; see `SensorModel.read`."""
+        """Return the last picture."""
         del mount_velocity_world_m_s
         self._image = sample.images.get(self._spec.name, self._image)
         if self._image is None:
@@ -101,10 +101,10 @@ FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.
 
 
 class RangeSensor:
-    """Rays from one mount: each range = distance to what is nearest + N(0, noise_std), within 0 to `max_range_m`.
+    """Rays from one mount: each range = distance to the nearest object + N(0, noise_std), within 0 to `max_range_m`.
 
     Boxes of the room reflect exactly where they are, other vehicles as upright cylinders (see `RayScene`), its own
-    vehicle not at all. Where nothing is in range, the range is `max_range_m`; where that is so of every ray, the
+    vehicle not at all. Without an object in range, the range is `max_range_m`; where that holds for every ray, the
     reading `is_saturated`. Range finders have their ranges in `values`; lidars have the least of them there, and all in
     `array`, (elevations, azimuths) float32, lowest elevation first, azimuths counter-clockwise.
 
@@ -127,7 +127,7 @@ class RangeSensor:
         self._is_lidar = self._directions_body.ndim == 3
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the ranges at the end of the tick; see `SensorModel.read`."""
+        """Return the ranges at the end of the tick."""
         del mount_velocity_world_m_s
         from gslcosim_services.sensing.ray_kernels import disturb_ranges_inplace, turn_rays  # see `Imu.read`
 
