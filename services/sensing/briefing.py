@@ -1,6 +1,7 @@
 """Briefing of an agent: task, limits, sensors, granted map and plume, and the check of its method's needs."""
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -253,7 +254,8 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
 
 def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:
     for program in _list_programs(agent, directory):
-        if program.is_file() and (card := find_card_beside(program)) is not None:
+        # An argument may be too long for a file's name, which `Path.is_file` refuses.
+        if os.path.isfile(program) and (card := find_card_beside(program)) is not None:  # noqa: PTH113
             return card
     return None
 

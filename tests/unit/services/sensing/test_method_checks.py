@@ -19,6 +19,10 @@ def test_a_bundled_scenario_has_what_its_method_needs():
     assert problems_with() == []
 
 
+def test_an_argument_may_be_longer_than_the_name_of_a_file():
+    assert problems_with(f"agents[0].start={{command: [python3, -c, {'x' * 300}]}}") == []
+
+
 def test_a_missing_sensor_is_reported_before_the_run():
     (text,) = problems_with("agents[0].sensors=[{model: pid, name: nose}]")
     assert "agents[0].sensors: expected at least 1 of kind" in text
