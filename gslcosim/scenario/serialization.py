@@ -15,7 +15,6 @@ from pydantic_core import PydanticUndefined
 
 from gslcosim.base import yaml_core
 from gslcosim.base.problems import Problem
-from gslcosim.base.scenario_keys import replace_inputs
 from gslcosim.base.yaml_core import (
     TAG,
     CoreLoader,
@@ -25,7 +24,7 @@ from gslcosim.base.yaml_core import (
     parse_whole_number,
 )
 from gslcosim.scenario.models.base import KindedSpec
-from gslcosim.scenario.models.scenario import AgentSpec, Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -211,19 +210,9 @@ def _represent_list(dumper: Any, items: list[Any]) -> yaml.Node:
 cast("Any", _Dumper).add_representer(list, _represent_list)
 
 
-def dump_resolved(scenario: Scenario, *, directory: Path | None = None) -> str:
-    """Return the YAML of a scenario with all defaults and overrides filled in; it loads back equal.
-
-    Args:
-        scenario: A valid scenario.
-        directory: The scenario's folder. When given, relative paths are written absolute, so that the text may be
-            saved in another folder.
-    """
-    if directory is None:
-        return dump_values(plain_values(scenario))
-    agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
-    values = plain_values(scenario.model_copy(update={"agents": agents}))
-    return dump_values(replace_inputs(values, lambda path: absolute_path(path, directory)))
+def dump_resolved(scenario: Scenario) -> str:
+    """Return the YAML of a valid scenario with all defaults and overrides filled in; it loads back equal."""
+    return dump_values(plain_values(scenario))
 
 
 def dump_values(values: Any) -> str:
@@ -259,16 +248,3 @@ def _inside(name: str, paths: Iterable[str]) -> list[str]:
 def absolute_path(path: str, directory: Path) -> str:
     """Return a path that a scenario in a folder names as an absolute one."""
     return str((directory / Path(path).expanduser()).resolve())
-
-
-def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
-    start = agent.start
-    if start.python is not None and (directory / start.python).is_file():
-        start = start.model_copy(update={"python": str((directory / start.python).resolve())})
-    if start.command is not None and "/" in start.command[0]:
-        program = str((directory / start.command[0]).resolve())
-        start = start.model_copy(update={"command": (program, *start.command[1:])})
-    folders = {
-        key: tuple(absolute_path(path, directory) for path in getattr(agent, key)) for key in ("may_read", "may_write")
-    }
-    return agent.model_copy(update={"start": start, **folders})

@@ -33,30 +33,3 @@ def test_texts_that_look_like_other_things_are_quoted(text):
     dumped = dump_resolved(scenario.model_copy(update={"agents": agents}))
     for values in (yaml.safe_load(dumped), read_yaml(dumped, source="dump").values):
         assert values["agents"][0]["start"]["command"] == ["sh", text]
-
-
-def test_with_a_folder_relative_paths_become_absolute(scenario_file, tmp_path):
-    (tmp_path / "mine.py").touch()
-    (tmp_path / "rooms").mkdir()
-    loaded = load_scenario(
-        scenario_file(
-            ("{python: dung_beetle}", "{python: mine.py}"),
-            ("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms"),
-        )
-    )
-    values = yaml.safe_load(dump_resolved(loaded.scenario, directory=loaded.directory))
-    assert values["agents"][0]["start"]["python"] == str(tmp_path / "mine.py")
-    assert values["environment"]["path"] == str(tmp_path / "rooms")
-
-
-def test_with_a_folder_programs_become_absolute_and_names_stay(scenario_file, tmp_path):
-    (tmp_path / "prog").write_text("#!/bin/sh\n")
-    (tmp_path / "prog").chmod(0o755)
-    for start, key, expected in (
-        ("{command: [./prog, ./x]}", "command", [str(tmp_path / "prog"), "./x"]),
-        ("{command: [sh, ./x]}", "command", ["sh", "./x"]),
-        ("{python: dung_beetle}", "python", "dung_beetle"),
-    ):
-        loaded = load_scenario(scenario_file(("{python: dung_beetle}", start)))
-        values = yaml.safe_load(dump_resolved(loaded.scenario, directory=loaded.directory))
-        assert values["agents"][0]["start"][key] == expected
