@@ -52,18 +52,6 @@ def rotation_from_rpy(rpy_rad: tuple[float, float, float]) -> NDArray[np.float64
     )
 
 
-def rpy_from_rotation(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] of a (3, 3) rotation matrix, as `rotation_from_rpy` has them.
-
-    The pitch is from -pi/2 to pi/2.
-    """
-    return (
-        math.atan2(rotation[2, 1], rotation[2, 2]),
-        math.asin(min(1.0, max(-1.0, -rotation[2, 0]))),
-        math.atan2(rotation[1, 0], rotation[0, 0]),
-    )
-
-
 def quaternion_from_rotation(rotation: NDArray[np.float64]) -> Quaternion:
     """Return the unit quaternion (w >= 0) of a (3, 3) rotation matrix.
 

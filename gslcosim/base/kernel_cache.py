@@ -119,21 +119,14 @@ def _get_core_roots() -> dict[str, Path]:
 def get_kernels_folder_name(code: Path, plain_name: str) -> str:
     """Return the name of the folder in the cache that has the compiled kernels of the modules of a folder.
 
-    That of a package has its name: all places where one version is installed share its kernels.
-
-    Args:
-        code: The folder of the modules.
-        plain_name: The name that numba gives it.
+    A folder of a package has its name, so that all installations of one version share its kernels; another one has
+    `plain_name`, by which numba calls it.
     """
     if OWNER_VARIABLE not in os.environ:
         return plain_name
-    core, name = _get_core_roots(), plain_name
-    for package, root in get_code_roots().items():
-        if code.is_relative_to(root):
-            name = ".".join((package, *code.relative_to(root).parts))
-            if package in core:
-                return name
-    return f"{name}_{os.environ.get(EXTENSIONS_VARIABLE, '')}"
+    package = next((name for name, root in get_code_roots().items() if code.is_relative_to(root)), "")
+    name = ".".join((package, *code.relative_to(get_code_roots()[package]).parts)) if package else plain_name
+    return name if package in _get_core_roots() else f"{name}_{os.environ.get(EXTENSIONS_VARIABLE, '')}"
 
 
 def _hash_kernels(roots: Mapping[str, Path]) -> str:

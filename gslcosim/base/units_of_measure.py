@@ -1,4 +1,4 @@
-"""Units of measure: those that ends of names say, such as `_m_s`, and those that people write behind numbers."""
+"""Units of measure: those at the ends of names, such as `_m_s`, and those that people write behind numbers."""
 
 import math
 import re
@@ -6,39 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnitOfMeasure:
-    """A unit of measure in somebody's file.
-
-    Attributes:
-        name: As the file has it.
-        exponents: Of the base units of SI; None: the file does not say.
-        factor: How many of the SI unit it is.
-        offset: Its zero, in the SI unit.
-    """
-
-    name: str
-    exponents: Mapping[str, int] | None = None
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def is_that_of(self, key: str) -> bool:
-        """Return whether it is the unit that the end of a name says."""
-        unit = _UNITS[unit_suffix(key)]
-        if self.name.strip() in unit.symbols:
-            return True
-        if self.exponents is None or unit.exponents is None:
-            return False
-        # Of angles SI has no unit, and many files say none.
-        own, other = (
-            {name: n for name, n in each.items() if name != "rad"} for each in (self.exponents, unit.exponents)
-        )
-        return own == other and self.factor == unit.factor and self.offset == 0.0
-
-
 @dataclass(frozen=True)
-class _Unit:
-    """Words for it, usual symbols, base units of SI (None: it has none there) and how many of these it is."""
+class Unit:
+    """Unit at the end of names: its words, usual symbols, base units of SI (None: it has none) and factor to these."""
 
     words: str
     symbols: tuple[str, ...] = ()
@@ -47,37 +17,37 @@ class _Unit:
 
 
 # A number of things, or a share of one, has no words: "expected a number" says enough.
-_UNITS = {
-    "_per_s": _Unit("per second", ("1/s", "s-1"), {"s": -1}),
-    "_m_s2": _Unit("metres per second squared", ("m/s2", "m/s^2", "m.s-2", "m/(s.s)"), {"m": 1, "s": -2}),
-    "_kg_m3": _Unit("kilograms per cubic metre", ("kg/m3", "kg/m^3", "kg.m-3"), {"kg": 1, "m": -3}),
-    "_kg_s": _Unit("kilograms per second", ("kg/s", "kg.s-1", "kg s-1"), {"kg": 1, "s": -1}),
-    "_m3_s": _Unit("cubic metres per second", ("m3/s", "m^3/s", "m3.s-1"), {"m": 3, "s": -1}),
-    "_m2_s": _Unit("square metres per second", ("m2/s", "m^2/s", "m2.s-1"), {"m": 2, "s": -1}),
-    "_m_s": _Unit("metres per second", ("m/s", "m.s-1", "m s-1", "m*s^-1"), {"m": 1, "s": -1}),
-    "_rad_s": _Unit("radians per second", ("rad/s", "rad.s-1", "1/s"), {"rad": 1, "s": -1}),
-    "_pa_s": _Unit("pascals per second", ("Pa/s",), {"kg": 1, "m": -1, "s": -3}),
-    "_share": _Unit("", ("1", "-", ""), {}),
-    "_frac": _Unit("", ("1", "-", ""), {}),
-    "_rad": _Unit("radians", ("rad",), {"rad": 1}),
-    "_ppm": _Unit("ppm", ("ppm", "umol/mol"), {}, 1e-6),
-    "_hz": _Unit("hertz", ("Hz", "1/s", "s-1"), {"s": -1}),
-    "_px": _Unit("pixels", ("px",)),
-    "_pa": _Unit("pascals", ("Pa", "N/m2"), {"kg": 1, "m": -1, "s": -2}),
-    "_ut": _Unit("microteslas", ("uT",), {"kg": 1, "s": -2, "A": -1}, 1e-6),
-    "_ev": _Unit("electronvolts", ("eV",)),
-    "_kg": _Unit("kilograms", ("kg",), {"kg": 1}),
-    "_ms": _Unit("milliseconds", ("ms",), {"s": 1}, 1e-3),
-    "_m2": _Unit("square metres", ("m2", "m^2"), {"m": 2}),
-    "_k": _Unit("kelvins", ("K",), {"K": 1}),
-    "_m": _Unit("metres", ("m",), {"m": 1}),
-    "_s": _Unit("seconds", ("s",), {"s": 1}),
-    "_w": _Unit("watts", ("W", "J/s"), {"kg": 1, "m": 2, "s": -3}),
-    "_j": _Unit("joules", ("J", "W.s", "N.m"), {"kg": 1, "m": 2, "s": -2}),
-    "_v": _Unit("volts", ("V",), {"kg": 1, "m": 2, "s": -3, "A": -1}),
-    "_a": _Unit("amperes", ("A",), {"A": 1}),
+UNITS = {
+    "_per_s": Unit("per second", ("1/s", "s-1"), {"s": -1}),
+    "_m_s2": Unit("metres per second squared", ("m/s2", "m/s^2", "m.s-2", "m/(s.s)"), {"m": 1, "s": -2}),
+    "_kg_m3": Unit("kilograms per cubic metre", ("kg/m3", "kg/m^3", "kg.m-3"), {"kg": 1, "m": -3}),
+    "_kg_s": Unit("kilograms per second", ("kg/s", "kg.s-1", "kg s-1"), {"kg": 1, "s": -1}),
+    "_m3_s": Unit("cubic metres per second", ("m3/s", "m^3/s", "m3.s-1"), {"m": 3, "s": -1}),
+    "_m2_s": Unit("square metres per second", ("m2/s", "m^2/s", "m2.s-1"), {"m": 2, "s": -1}),
+    "_m_s": Unit("metres per second", ("m/s", "m.s-1", "m s-1", "m*s^-1"), {"m": 1, "s": -1}),
+    "_rad_s": Unit("radians per second", ("rad/s", "rad.s-1", "1/s"), {"rad": 1, "s": -1}),
+    "_pa_s": Unit("pascals per second", ("Pa/s",), {"kg": 1, "m": -1, "s": -3}),
+    "_share": Unit("", ("1", "-", ""), {}),
+    "_frac": Unit("", ("1", "-", ""), {}),
+    "_rad": Unit("radians", ("rad",), {"rad": 1}),
+    "_ppm": Unit("ppm", ("ppm", "umol/mol"), {}, 1e-6),
+    "_hz": Unit("hertz", ("Hz", "1/s", "s-1"), {"s": -1}),
+    "_px": Unit("pixels", ("px",)),
+    "_pa": Unit("pascals", ("Pa", "N/m2"), {"kg": 1, "m": -1, "s": -2}),
+    "_ut": Unit("microteslas", ("uT",), {"kg": 1, "s": -2, "A": -1}, 1e-6),
+    "_ev": Unit("electronvolts", ("eV",)),
+    "_kg": Unit("kilograms", ("kg",), {"kg": 1}),
+    "_ms": Unit("milliseconds", ("ms",), {"s": 1}, 1e-3),
+    "_m2": Unit("square metres", ("m2", "m^2"), {"m": 2}),
+    "_k": Unit("kelvins", ("K",), {"K": 1}),
+    "_m": Unit("metres", ("m",), {"m": 1}),
+    "_s": Unit("seconds", ("s",), {"s": 1}),
+    "_w": Unit("watts", ("W", "J/s"), {"kg": 1, "m": 2, "s": -3}),
+    "_j": Unit("joules", ("J", "W.s", "N.m"), {"kg": 1, "m": 2, "s": -2}),
+    "_v": Unit("volts", ("V",), {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "_a": Unit("amperes", ("A",), {"A": 1}),
 }
-UNIT_SUFFIXES = tuple(sorted(_UNITS, key=len, reverse=True))
+UNIT_SUFFIXES = tuple(sorted(UNITS, key=len, reverse=True))
 """Ends of names that say a unit, longer ones first."""
 
 
@@ -91,13 +61,7 @@ def unit_suffix(key: str) -> str:
 def unit_name(key: str) -> str:
     """Return what a number under a name counts, such as `metres per second`; empty where the name does not say it."""
     suffix = unit_suffix(key)
-    return _UNITS[suffix].words if suffix else ""
-
-
-def unit_symbol(key: str) -> str:
-    """Return the usual symbol of the unit that the end of a name says, such as `m/s`; empty where there is none."""
-    suffix = unit_suffix(key)
-    return next(iter(_UNITS[suffix].symbols), "") if suffix else ""
+    return UNITS[suffix].words if suffix else ""
 
 
 # What people write behind numbers: the ending it belongs to, and the factor to that ending's unit.

@@ -22,7 +22,7 @@ from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverS
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
-from gslcosim.scenario.serialization import YamlTree, absolute_path, dump_resolved, read_yaml
+from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml
 
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
 
@@ -332,7 +332,8 @@ def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[S
         return None, [Problem(where="", expected=expected, found=format_value(tree.values))]
     # Services know no folder to start from.
     gas = {key: block for key, block in values.items() if key == "gas"}
-    scenario, found = _validate(values | replace_inputs(gas, lambda path: absolute_path(path, directory)))
+    gas = replace_inputs(gas, lambda path: str((directory / Path(path).expanduser()).resolve()))
+    scenario, found = _validate(values | gas)
     known_paths = {problem.where for problem in known}
     problems: list[Problem] = [*known, *(problem for problem in found if problem.where not in known_paths)]
     problems += find_cross_problems(values, directory=directory)

@@ -6,7 +6,6 @@ This is the one way a scenario's text is read. Plain values follow YAML 1.2's co
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, cast
 
 import yaml
@@ -243,8 +242,3 @@ def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
 # Of paths such as `plume.meander_s` those inside `plume`, without it.
 def _inside(name: str, paths: Iterable[str]) -> list[str]:
     return [path.removeprefix(f"{name}.") for path in paths if path.startswith(f"{name}.")]
-
-
-def absolute_path(path: str, directory: Path) -> str:
-    """Return a path that a scenario in a folder names as an absolute one."""
-    return str((directory / Path(path).expanduser()).resolve())

@@ -13,7 +13,7 @@ from typing import Any
 from gslcosim.base.errors import UsageError, describe_os_error
 from gslcosim.base.files import open_regular_file
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.base.units_of_measure import UnitOfMeasure
+from gslcosim_fmi.units import UnitOfMeasure
 
 DESCRIPTION_FILE = "modelDescription.xml"
 # As much as the sandbox has room for; a description of 50,000 variables has some 20 MB.

@@ -7,7 +7,7 @@ from pathlib import Path
 from gslcosim.base.errors import UsageError
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.base.units_of_measure import unit_suffix, unit_symbol
+from gslcosim.base.units_of_measure import unit_suffix
 from gslcosim.contract.messages import Message
 from gslcosim.runtime.external.protocol import get_period_ticks
 from gslcosim.scenario import Scenario
@@ -15,6 +15,7 @@ from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.problems import did_you_mean
 from gslcosim_fmi.description import FmuDescription, FmuVariable, read_fmu
 from gslcosim_fmi.scenario_keys import INPUTS, OUTPUTS, UNIT_START
+from gslcosim_fmi.units import unit_symbol
 from gslcosim_fmi.value_path import ValuePath, parse_value_path
 
 TIME_PATH = "time_s"

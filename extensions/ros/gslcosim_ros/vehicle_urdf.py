@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.frames import rpy_from_rotation
 from gslcosim.vehicles.catalogue import RotorDrawing, Vehicle, WheelDrawing
 
 _DARK, _LIGHT = "0.15 0.15 0.18 1", "0.55 0.6 0.65 0.8"
@@ -129,3 +128,15 @@ def _add_shape(
 
 def _format(values: "NDArray[np.float64] | list[float] | tuple[float, ...]") -> str:
     return " ".join(f"{value:.9g}" for value in values)
+
+
+def rpy_from_rotation(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a (3, 3) rotation matrix, the inverse of `rotation_from_rpy`.
+
+    The pitch is from -pi/2 to pi/2.
+    """
+    return (
+        math.atan2(rotation[2, 1], rotation[2, 2]),
+        math.asin(min(1.0, max(-1.0, -rotation[2, 0]))),
+        math.atan2(rotation[1, 0], rotation[0, 0]),
+    )

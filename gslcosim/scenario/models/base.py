@@ -103,13 +103,11 @@ class OneOf:
         """Return the block of a kind, or nothing where there is no such kind."""
         if not isinstance(kind, str):
             return None
-        is_offered = self.offers is not None and kind in self.offers.names()
+        offered = self.offers.find_values(kind) if self.offers is not None else ()
+        if self.offers is None or not offered:
+            return self.own.get(kind)
         if kind in self.own:
-            if self.offers is not None and is_offered:
-                raise self.offers.build_name_error(kind, ("gslcosim", *self.offers.find_values(kind)))
-            return self.own[kind]
-        if self.offers is None or not is_offered:
-            return None
+            raise self.offers.build_name_error(kind, ("gslcosim", *offered))
         what = f"a class for {kind!r} that derives from {self.base.__name__}"
         if self.part is not None:
             what = f"an object for {kind!r} whose {self.part} derive from {self.base.__name__}"

@@ -20,7 +20,7 @@ class SuccessSpec(Spec):
     """Base of all criteria: `of` names the criterion, `within_m` is the success radius [m].
 
     Beliefs are scored with the same radius, whatever the criterion. One of a third party derives from this class,
-    narrows `of` to its name, and says what its task is: as a sentence, and as fields of `Task` in the briefing.
+    narrows `of` to its name, and gives its task as a sentence and as fields of `Task` in the briefing.
     """
 
     distance_of: ClassVar[Literal["vehicle", "declaration", "belief"] | None] = None

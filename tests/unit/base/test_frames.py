@@ -6,7 +6,6 @@ import pytest
 from gslcosim.base.frames import (
     quaternion_from_rotation,
     rotation_from_rpy,
-    rpy_from_rotation,
     world_from_body_rotation,
     yaw_from_quaternion,
 )
@@ -59,8 +58,3 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes():
     quarter = math.pi / 2
     assert rotation_from_rpy((quarter, 0.0, quarter)) @ (0.0, 1.0, 0.0) == pytest.approx((0.0, 0.0, 1.0))
     assert rotation_from_rpy((0.0, quarter, 0.0)) @ (1.0, 0.0, 0.0) == pytest.approx((0.0, 0.0, -1.0))
-
-
-@pytest.mark.parametrize("rpy_rad", [(0.0, 0.0, 0.0), (0.4, -1.2, 2.9), (-3.0, 1.5, -0.7)])
-def test_angles_of_a_rotation_are_those_that_it_was_made_of(rpy_rad):
-    assert rpy_from_rotation(rotation_from_rpy(rpy_rad)) == pytest.approx(rpy_rad)

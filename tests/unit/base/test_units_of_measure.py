@@ -5,12 +5,10 @@ import math
 import pytest
 
 from gslcosim.base.units_of_measure import (
-    UnitOfMeasure,
     number_in_unit_of,
     read_quantity,
     unit_name,
     unit_suffix,
-    unit_symbol,
 )
 
 
@@ -26,31 +24,6 @@ from gslcosim.base.units_of_measure import (
 )  # fmt: skip
 def test_a_key_says_its_unit(key, ending, unit):
     assert (unit_suffix(key), unit_name(key)) == (ending, unit)
-
-
-@pytest.mark.parametrize(
-    ("key", "symbol"),
-    [("wind_world_m_s", "m/s"), ("mixing_ratio_ppm", "ppm"), ("share", "1"), ("charge", ""), ("a", ""), ("is_on", "")],
-)
-def test_a_key_has_the_usual_symbol_of_its_unit(key, symbol):
-    assert unit_symbol(key) == symbol
-
-
-@pytest.mark.parametrize(
-    ("suffix", "unit", "is_equal"),
-    [
-        ("_m_s", UnitOfMeasure(name="m/s"), True),
-        ("_m_s", UnitOfMeasure(name="meter / second", exponents={"m": 1, "s": -1}), True),
-        ("_m_s", UnitOfMeasure(name="km/h", exponents={"m": 1, "s": -1}, factor=1 / 3.6), False),
-        ("_m_s", UnitOfMeasure(name="knots"), False),
-        ("_k", UnitOfMeasure(name="degC", exponents={"K": 1}, offset=273.15), False),
-        ("_rad", UnitOfMeasure(name="radian", exponents={}), True),
-        ("_ppm", UnitOfMeasure(name="share", exponents={}, factor=1e-6), True),
-        ("_ppm", UnitOfMeasure(name="1", exponents={}), False),
-    ],
-)
-def test_units_are_equal_by_name_or_by_exponents_factor_and_offset(suffix, unit, is_equal):
-    assert unit.is_that_of(suffix) is is_equal
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from gslcosim.base.frames import rotation_from_rpy
 from gslcosim.vehicles import get_vehicle, list_vehicle_names
-from gslcosim_ros.vehicle_urdf import build_urdf
+from gslcosim_ros.vehicle_urdf import build_urdf, rpy_from_rotation
 
 # MuJoCo takes the first link for the world: the vehicle floats in it.
 WORLD = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="body"/></joint>'
@@ -42,3 +43,8 @@ def test_rotors_and_wheels_are_seen():
         for name in ("iris", "hexarotor", "rover", "holonomic")
     }
     assert counts == {"iris": 5, "hexarotor": 7, "rover": 5, "holonomic": 1}
+
+
+@pytest.mark.parametrize("rpy_rad", [(0.0, 0.0, 0.0), (0.4, -1.2, 2.9), (-3.0, 1.5, -0.7)])
+def test_angles_of_a_rotation_are_those_that_it_was_made_of(rpy_rad):
+    assert rpy_from_rotation(rotation_from_rpy(rpy_rad)) == pytest.approx(rpy_rad)
