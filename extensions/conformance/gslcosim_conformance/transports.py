@@ -94,7 +94,16 @@ class OrphanProcesses:
         if self._mark in variables:
             return True
         is_marked = any(variable.startswith(MARK_VARIABLE.encode()) for variable in variables)
-        return not is_marked and len(_ACTIVE) == 1 and pid not in self._before
+        return not is_marked and len(_ACTIVE) == 1 and pid not in self._before and not _is_in_this_session(pid)
+
+
+# An agent starts in a session of its own, and no process returns to an older one: what is in this process's session
+# was started by another of its threads.
+def _is_in_this_session(pid: int) -> bool:
+    try:
+        return os.getsid(pid) == os.getsid(0)
+    except ProcessLookupError:
+        return False
 
 
 # Living ones only: what is dead does nothing any more, and its parent's record of it may be somebody else's to read.

@@ -1,6 +1,7 @@
 """How long an agent may take to start, and what it may leave behind."""
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -29,3 +30,15 @@ def test_a_daemon_without_a_trace_is_found_and_ended(tmp_path):
     assert report.failed_rules == ("leaves-nothing",), report.as_text()
     (pid,) = re.findall(r"sleep 1000 \(process (\d+)\)", report.finding("leaves-nothing").failure.got)
     assert not Path("/proc", pid).exists()
+
+
+@pytest.mark.skipif(not OrphanProcesses.is_possible(), reason="only Linux tells who a process belonged to")
+def test_a_program_that_another_thread_starts_meanwhile_is_not_the_agents():
+    orphans = OrphanProcesses("of a check")
+    orphans.begin()
+    with subprocess.Popen(["/bin/sleep", "1000"]) as other:
+        try:
+            assert orphans.end() == ()
+            assert other.poll() is None
+        finally:
+            other.kill()
