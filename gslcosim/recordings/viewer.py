@@ -163,6 +163,8 @@ _FOR_WINDOW = ("--expect-data-soon",)
 # What the program says once its page can be opened.
 _ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
 _END_TIMEOUT_S = 5.0
+# A viewer that had said its address was once seen to take nothing for ten minutes.
+_STALL_S = 60.0
 
 
 class LiveViewer:
@@ -194,6 +196,7 @@ class LiveViewer:
         self._listener = threading.Thread(target=self._listen, name="listens to the viewer", daemon=True)
         self._listener.start()
         self._feeder: threading.Thread | None = None
+        self._n_bytes_taken = 0
 
     @property
     def is_open(self) -> bool:
@@ -206,9 +209,19 @@ class LiveViewer:
         self._feeder.start()
 
     def wait_until_shown(self) -> None:
-        """Return when the viewer has been given all of the recording, or has ended."""
-        if self._feeder is not None:
-            self._feeder.join()
+        """Return when the viewer has taken all of the recording, or has ended.
+
+        Raises:
+            RecordingError: if it takes nothing any more.
+        """
+        while self._feeder is not None and self._feeder.is_alive():
+            before = self._n_bytes_taken
+            self._feeder.join(_STALL_S)
+            if self._feeder.is_alive() and self._n_bytes_taken == before:
+                raise RecordingError(
+                    f"viewer: expected to take the recording, took nothing for {_STALL_S:g} s. Open it again: "
+                    "gslcosim view RUN, with --web in a browser"
+                )
 
     def wait_until_closed(self) -> None:
         """Return when somebody has closed the viewer."""
@@ -223,7 +236,8 @@ class LiveViewer:
         except subprocess.TimeoutExpired:
             self._viewer.kill()
             self._viewer.wait()
-        self.wait_until_shown()
+        if self._feeder is not None:
+            self._feeder.join()
         self._listener.join()
         if self._viewer.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
@@ -236,6 +250,7 @@ class LiveViewer:
             for data in tail_file(path, lambda: is_over() or not self.is_open):
                 self._viewer.stdin.write(data)
                 self._viewer.stdin.flush()
+                self._n_bytes_taken += len(data)
 
     def _listen(self) -> None:
         assert self._viewer.stdout is not None

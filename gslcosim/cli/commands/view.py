@@ -88,12 +88,16 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
 
 def serve_until_closed(recording: Path) -> None:
     """Serve a recording that is complete to browsers of this machine until Ctrl-C."""
-    view = _opened("browser")
-    try:
-        view.show(recording, lambda: True)
-        _wait_until_closed(view)
-    finally:
-        view.close()
+    from gslcosim.recordings.viewer import N_TRIES
+
+    for _ in range(N_TRIES):
+        view = _opened("browser")
+        try:
+            view.show(recording, lambda: True)
+            if _wait_until_closed(view):
+                return
+        finally:
+            view.close()
 
 
 def _opened(kind: "ViewerKind") -> "LiveViewer":
@@ -103,16 +107,21 @@ def _opened(kind: "ViewerKind") -> "LiveViewer":
     return LiveViewer(kind, lambda address: write_note(f"Watch it at {address}"), prefix=build_parent_death_prefix())
 
 
-def _wait_until_closed(view: "LiveViewer") -> None:
-    with contextlib.suppress(KeyboardInterrupt):
+# Whether it has shown all of the recording.
+def _wait_until_closed(view: "LiveViewer") -> bool:
+    is_shown = False
+    try:
         view.wait_until_shown()
+        is_shown = True
         if view.is_open:
             write_note("The viewer stays open until Ctrl-C.")
-        try:
-            view.wait_until_closed()
-        except RecordingError as error:
-            # What it has shown is as good without it.
-            write_note(str(error))
+        view.wait_until_closed()
+    except RecordingError as error:
+        # What it has shown is as good without it.
+        write_note(str(error))
+    except KeyboardInterrupt:
+        return True
+    return is_shown
 
 
 EXAMPLES = """  gslcosim view                                   the newest run

@@ -2,7 +2,11 @@
 
 import threading
 
-from gslcosim.recordings.viewer import tail_file
+import pytest
+
+from gslcosim.base.errors import RecordingError
+from gslcosim.recordings import viewer
+from gslcosim.recordings.viewer import LiveViewer, tail_file
 
 
 def test_a_growing_file_is_read_whole_and_once(tmp_path):
@@ -54,3 +58,18 @@ def test_a_file_that_is_replaced_is_read_as_it_was_opened(tmp_path):
     (tmp_path / "other").write_bytes(b"second and longer")
     (tmp_path / "other").replace(path)
     assert list(data) == []
+
+
+def test_a_viewer_that_takes_nothing_is_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer, "_STALL_S", 0.1)
+    path = tmp_path / "recording.rrd"
+    path.write_bytes(bytes(1 << 20))  # more than a pipe holds
+    # Before the viewer's own command line: a program that reads nothing, and does not start it.
+    sleeper = ("/bin/sh", "-c", "exec sleep 1000", "sh")
+    live = LiveViewer("browser", lambda _: None, prefix=sleeper)
+    try:
+        live.show(path, lambda: True)
+        with pytest.raises(RecordingError, match="took nothing for 0"):
+            live.wait_until_shown()
+    finally:
+        live.close()
