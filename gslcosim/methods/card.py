@@ -168,8 +168,9 @@ class MethodCard(_CardPart):
     """A search method: what it is, what it needs, and what it can be set to.
 
     `robots` is how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a
-    decision may take at the 95th percentile. In a file, `includes` names files of `SHARED_PARAMETERS` whose parameters
-    the method has as well.
+    decision may take at the 95th percentile. `files` names the files and folders beside the card that a sandbox shows
+    the program, apart from its code. In a file, `includes` names files of `SHARED_PARAMETERS`
+    whose parameters the method has as well.
     """
 
     schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
@@ -183,6 +184,7 @@ class MethodCard(_CardPart):
     declares: bool = False
     believes: bool = False
     decision_limit_ms: Annotated[float, Field(gt=0)] = 1.0
+    files: tuple[Annotated[str, Field(min_length=1)], ...] = ()
     parameters: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")], Parameter] = Field(
         default_factory=dict[str, Parameter]
     )

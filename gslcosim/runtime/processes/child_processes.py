@@ -171,4 +171,6 @@ class ChildProcesses:
 
     def _wait_for(self, name: str, process: ChildProcess, launch: Launch | None) -> None:
         code = process.wait()
-        self._on_exit(name, code, (launch.log_tail() if launch is not None else "") or describe_exit(code))
+        how = (launch.log_tail() if launch is not None else "") or describe_exit(code)
+        hint = launch.hidden_files_hint() if launch is not None and code != 0 else ""
+        self._on_exit(name, code, how + hint)

@@ -165,7 +165,7 @@ class ParticipantProgramSpec(Spec):
         default="auto", description="sandbox of the program; auto: the strongest on this machine"
     )
     limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="resource limits of its processes")
-    may_read: tuple[str, ...] = Field(default=(), description="additional folders that it may read")
+    may_read: tuple[str, ...] = Field(default=(), description="additional files and folders that it may read")
     may_write: tuple[str, ...] = Field(default=(), description="folders that it may write")
     environment: EnvironmentVariables | None = Field(
         default=None, description="environment variables; a variable without a value is inherited"

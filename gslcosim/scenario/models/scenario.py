@@ -334,7 +334,7 @@ class AgentSpec(Spec):
       each observation (`{latency: N}`), or never (`free`); free agents' commands take effect on arrival.
     - `sandbox`: `auto` takes the strongest on this machine; `required` does too, but fails if there is none or the
       agent has no process here; `bubblewrap` and `landlock` demand one; `none` starts the agent without.
-    - `may_read`, `may_write`: an agent sees its own folder and no run; these name more folders.
+    - `may_read`, `may_write`: an agent sees the code in its own folder and no run; these name more.
     - `environment`: variables beside `PATH`, `LANG`, `LC_*`, `TZ`, `HOME`, `TMPDIR` and the numbers of threads.
     """
 
@@ -359,7 +359,7 @@ class AgentSpec(Spec):
         "error if there is none",
     )
     limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="resource limits of its processes")
-    may_read: tuple[str, ...] = Field(default=(), description="additional folders that it may read")
+    may_read: tuple[str, ...] = Field(default=(), description="additional files and folders that it may read")
     may_write: tuple[str, ...] = Field(default=(), description="folders that it may write")
     environment: EnvironmentVariables | None = Field(
         default=None, description="environment variables; a variable without a value is inherited"

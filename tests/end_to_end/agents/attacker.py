@@ -380,12 +380,13 @@ def read_results_of_suites():
 
 def read_copies_of_scenario():
     folder = Path(__file__).parent
-    return _text_of(folder / "notes.txt", folder / "room.yaml.orig", folder / "a/b/c/d/e/f/deep.json")
+    names = ("notes.txt", "room.yaml.orig", "renamed.yaml", "a/b/c/d/e/f/deep.json")
+    return _text_of(*(folder / name for name in names))
 
 
 def read_other_names_of_scenario():
     folder = Path(__file__).parent
-    return _text_of(folder / "linked", folder / "named.py")
+    return _text_of(folder / "linked", folder / "linked.py", folder / "named.py", folder / "package" / "rows.jsonl")
 
 
 def read_recordings_beside_it():
@@ -610,9 +611,10 @@ def read_private_files_of_the_system():
 
 
 def read_tables_beside_it():
-    # What extract, environment sample and plot have written, under other names.
+    # Output of extract, environment sample and plot, and an archive, under other names.
     folder = Path(__file__).parent
-    return _text_of(*(folder / "old").glob("*"), folder / "dictionary.json")
+    names = ("old/lookup.txt", "old/weights.npz", "old/run.zip", "plot.png", "dictionary.json")
+    return _text_of(*(folder / name for name in names))
 
 
 def fill_the_disk():

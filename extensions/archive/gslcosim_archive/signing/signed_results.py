@@ -15,7 +15,6 @@ from typing import Any, Required, TypedDict
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
-from gslcosim.runtime.processes.sandbox.selection import holds_secret
 from gslcosim_archive.signing.keys import (
     PublicKey,
     SignatureError,
@@ -26,6 +25,7 @@ from gslcosim_archive.signing.keys import (
     read_signature,
     sign_digest,
 )
+from gslcosim_bench.secret_files import holds_secret
 from gslcosim_bench.store import ResultsFolder, write_at_once
 from gslcosim_bench.verification_marks import SIGNATURE_FILE, STATEMENT_FILE, find_unhashed, list_content_files
 

@@ -26,11 +26,11 @@ from gslcosim.base.files import iterate_tree, read_regular_file, remove_tree, re
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.methods.card import CARD_FILE, load_card
 from gslcosim.runtime.processes.sandbox.policy import is_system_path
-from gslcosim.runtime.processes.sandbox.selection import holds_secret
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.serialization import dump_values
 from gslcosim_bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim_bench.cases.spec_files import read_spec_file
+from gslcosim_bench.secret_files import holds_secret
 
 SUBMISSION_FILE = "submission.yaml"
 _BUILT = ".built"

@@ -131,6 +131,6 @@ def find_policy(name: str, agents: Path) -> Policy:
     if not path.is_file():
         raise PolicyError(
             f"parameters.policy: expected one of {', '.join(bundled)}, or the file of a policy, was {name!r}. Give the "
-            "whole path; a sandbox sees the folders that may_read of the agent names."
+            "whole path; a sandbox sees the files that may_read of the agent names."
         )
     return load_policy(path)

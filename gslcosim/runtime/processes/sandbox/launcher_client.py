@@ -12,6 +12,7 @@ from typing import Any
 from gslcosim.base.files import build_temporary_directory_error
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots, get_kernels_folder_name
 from gslcosim.base.spawn import open_memory_file
+from gslcosim.methods.card import CARD_FILE
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import (
     build_bubblewrap_arguments,
@@ -37,6 +38,7 @@ from gslcosim.runtime.processes.sandbox.launcher import main
 main()
 """
 _KERNELS = "kernels"
+_MAX_UNSEEN = 3
 _HERE = Path(__file__).parent
 _PACKAGE = _HERE.parents[2]
 _DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
@@ -46,10 +48,14 @@ _LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB",
 
 @dataclass(frozen=True, kw_only=True)
 class Confinement:
-    """Confinement of one process of agents: by which policy, if any, and by which limits."""
+    """Confinement of one process of agents: by which policy, if any, and by which limits.
+
+    `unseen` are files beside the program that its sandbox hides.
+    """
 
     kind: str = "none"
     policy: SandboxPolicy | None = None
+    unseen: tuple[Path, ...] = ()
     limits: AgentLimitsSpec = field(default_factory=AgentLimitsSpec)
     environment: Mapping[str, str] = field(default_factory=dict[str, str])
 
@@ -77,6 +83,7 @@ class Launch:
         keep: Sequence[int] = (),
     ) -> None:
         self._limits = confinement.limits
+        self._unseen = confinement.unseen
         self._status, theirs = os.pipe()
         cell, is_bubblewrap = confinement.policy, confinement.kind == "bubblewrap"
         variables = {**environment, NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
@@ -126,6 +133,17 @@ class Launch:
     def descriptors(self) -> tuple[int, ...]:
         """Descriptors that the launcher inherits, `keep` among them."""
         return tuple(self._theirs)
+
+    def hidden_files_hint(self) -> str:
+        """Return which files beside the program its sandbox hides, with the remedy; empty where there are none."""
+        if not self._unseen:
+            return ""
+        names = ", ".join(path.name for path in self._unseen[:_MAX_UNSEEN])
+        more = f" and {n} more" if (n := len(self._unseen) - _MAX_UNSEEN) > 0 else ""
+        return (
+            f". Beside the program its sandbox hides what is no code ({names}{more}): name what it needs in its card "
+            f"({CARD_FILE}: files), or in may_read"
+        )
 
     def log_tail(self) -> str:
         """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
@@ -196,7 +214,8 @@ def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
     if cell.kernels is None:
         return {}
     packages = (folder for root in get_code_roots().values() for folder in (root, *root.rglob("*/")))
-    names = {name_numba_folder(code): code for code in (*packages, cell.directory, *cell.reads)}
+    own = (path.parent if path.is_file() else path for path in cell.reads)
+    names = {name_numba_folder(code): code for code in (*packages, cell.directory, *own)}
     folders = {name: cell.kernels / get_kernels_folder_name(code, name) for name, code in names.items()}
     return {name: sorted(folder.iterdir()) for name, folder in folders.items() if folder.is_dir()}
 

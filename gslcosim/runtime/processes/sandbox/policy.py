@@ -64,22 +64,29 @@ def find_own_folders(command: Sequence[str], directory: Path) -> list[Path]:
 
     A program in a `bin` brings the folder around it, where its libraries are.
     """
-    found: list[Path] = []
+    return list(find_named_files(command, directory))
+
+
+def find_named_files(command: Sequence[str], directory: Path) -> dict[Path, list[Path]]:
+    """Return the files that a command line names, by the folders of `find_own_folders`."""
+    found: dict[Path, list[Path]] = {}
     program = shutil.which(command[0]) if "/" not in command[0] else str(directory / command[0])
     for place in _add_link_target(Path(program)) if program is not None else ():
         folder = place.parent
         is_installed = folder.name == "bin" and folder.parent not in (Path.home(), Path("/"))
-        found.append(folder.parent if is_installed else folder)
+        found.setdefault(folder.parent if is_installed else folder, []).append(place)
     for word in command[1:]:
         # `--option=path` names one too, and `-cp here:there` several.
         for text in dict.fromkeys((word, word.partition("=")[2], *word.split(os.pathsep))):
             name = text.removesuffix("/*")  # so Java names all archives of a folder
             place = directory / name if name and len(name) < 4096 and "\0" not in name else None
             if place is not None and _is_file(place):
-                found += [each.parent for each in _add_link_target(place)]
+                for each in _add_link_target(place):
+                    found.setdefault(each.parent, []).append(each)
             elif place is not None and _is_separate_folder(place):
-                found += _add_link_target(place)
-    return [folder for folder in dict.fromkeys(found) if not is_system_path(folder)]
+                for each in _add_link_target(place):
+                    found.setdefault(each, [])
+    return {folder: named for folder, named in found.items() if not is_system_path(folder)}
 
 
 def list_python_folders() -> list[Path]:
@@ -159,9 +166,11 @@ def split_readable_paths(cell: SandboxPolicy) -> tuple[list[Path], list[Path]]:
     hidden = {path.resolve() for path in cell.hidden}
     for folder in dict.fromkeys(path.resolve() for path in cell.reads):
         _add_readable_paths(folder, [path for path in hidden if path.is_relative_to(folder)], reads, lists)
-    # Python finds a package by the names in the folder that has it; packages of an editable installation stand alone.
-    packages = [package for package in find_extension_packages().values() if package in reads]
-    return reads, [*lists, *dict.fromkeys(package.parent for package in packages)]
+    # Python finds a package by the names in the folder that has it, and a module too: packages of an editable
+    # installation and files of a shared folder stand alone.
+    alone = [package for package in find_extension_packages().values() if package in reads]
+    alone += [path for path in reads if path.is_file()]
+    return reads, list(dict.fromkeys((*lists, *(path.parent for path in alone))))
 
 
 def _add_readable_paths(folder: Path, hidden: list[Path], reads: list[Path], lists: list[Path]) -> None:

@@ -1,23 +1,14 @@
 """Selection of the sandbox that an agent or participant gets on this machine, and of what is hidden from it."""
 
-import bz2
-import gzip
-import io
 import itertools
-import lzma
 import os
-import re
-import stat
-import tarfile
 import tempfile
-import zipfile
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Literal
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.files import open_regular_file, read_regular_file
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.problems import Problem
 from gslcosim.base.spawn import build_short_environment
@@ -28,310 +19,24 @@ from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, is_l
 from gslcosim.runtime.processes.sandbox.policy import (
     SYSTEM_FOLDERS,
     SandboxPolicy,
+    find_named_files,
     find_own_folders,
     list_code_folders,
     list_hidden_folders,
     list_private_system_paths,
     list_python_folders,
 )
+from gslcosim.runtime.processes.sandbox.program_files import (
+    PrivatePlaces,
+    is_truth_folder,
+    list_run_places,
+    select_program_files,
+)
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import list_input_files
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-
-# More than that is not searched: the run is refused.
-MAX_ENTRIES = 50_000
-MAX_BYTES = 512 << 20
-# Packages of other people, and what was built of the program.
-NOT_SEARCHED = frozenset((".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"))
-# Neither are these of a program that is installed: beside its `bin`.
-_INSTALLED = frozenset(("bin", "lib", "lib64", "libexec", "include", "share", "pkgs", "envs", "conda-meta", "jmods"))
-# Its objects hold every earlier version of what lies beside it.
-_HISTORY = (".git", ".hg", ".svn", ".jj")
-_DATA_FILES = (".yaml", ".yml", ".json", ".jsonl")
-# Files of a program may speak of scenarios, as those that make some do.
-_CODE_FILES = frozenset((
-    ".py", ".pyi", ".pyc", ".ipynb", ".c", ".h", ".cc", ".cpp", ".hpp", ".cxx", ".rs", ".go", ".java", ".class", ".jar",
-    ".kt", ".js", ".mjs", ".ts", ".mts", ".m", ".jl", ".lua", ".rb", ".sh", ".so", ".dylib", ".a", ".o", ".wasm",
-    ".toml", ".cfg", ".mod", ".sum", ".lock", ".cmake",
-))  # fmt: skip
-_CODE_BEGINS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
-_RECORDINGS = (".rrd", ".mcap", ".bag", ".db3", ".mp4", ".gif", ".webp")
-_RECORDING_BEGINS = (b"RRF", b"RRIO", b"\x89MCAP", b"#ROSBAG", b"GIF8", b"RIFF")
-# What a folder of Zarr holds at its top.
-_OF_ZARR = (".zgroup", ".zarray", ".zmetadata", "zarr.json")
-# Formats that name their columns anywhere: Parquet, Feather, Arrow, HDF5 and so NetCDF 4, NetCDF 3, SQLite.
-_BINARY_BEGINS = (b"PAR1", b"ARROW1", b"FEA1", b"\x89HDF", b"CDF", b"SQLite format 3")
-# Of archives, as NumPy's and units of FMI are, names of arrays alone count: a unit may have such variables.
-_ARCHIVE_BEGIN, _ARRAY_NAME = b"PK", re.compile(rb"\w+(?=\.npy|/\.z(?:array|attrs))")
-# Columns of the tables that `extract`, `environment sample` and results have; four of them are a table of ours.
-_COLUMNS = re.compile(
-    rb"(?<![A-Za-z0-9_])(?:tick|time_s|agent|trial|x_m|y_m|z_m|sigma_m|\w{0,60}_pp[mb]|\w{1,60}_[xyz]_m_s|occupancy|"
-    rb"level|text|label|distance_m|tracking_error_m|file|column|unit|meaning)(?![A-Za-z0-9_])"
-)
-_MIN_COLUMNS = 4
-# Beside the schema: a run's name in a dictionary of columns and in metadata, topics of a bag, and what has drawn plots.
-_SIGN_OF_EXPORT = re.compile(rb'"run_id": "|CREATE TABLE topics|gslcosim \d|gslcosim plot')
-# Compressed files and archives are unpacked, as far as they are searched, these within one another.
-_MAX_ARCHIVE_LEVELS = 4
-_MAX_ARROW_BYTES = 64 << 20
-_BLOCK_BYTES = 1 << 20
-_PACKED_TAPES = (".tgz", ".tbz", ".tbz2", ".txz", ".tzst")
-_COMPRESSED: Mapping[bytes, Callable[[IO[bytes]], Any]] = {
-    b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
-    b"BZh": bz2.BZ2File,
-    b"\xfd7zXZ\0": lzma.LZMAFile,
-    b"]\0\0": lzma.LZMAFile,
-    b"\x28\xb5\x2f\xfd": lambda file: _open_by_arrow(file, "zstd"),
-    b"\x04\x22\x4d\x18": lambda file: _open_by_arrow(file, "lz4"),
-}
-# Nothing here reads archives of 7-Zip and RAR: no program needs one beside it.
-_UNREADABLE_BEGINS = (b"7z\xbc\xaf\x27\x1c", b"Rar!")
-_PICTURE_BEGINS = (b"\x89PNG", b"%PDF", b"<?xml", b"<svg")
-# Of other files only so much is looked at: a schema stands at the beginning.
-_HEAD_BYTES = 64 << 10
-_SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment|seal)/")
-# Files with passwords of other processes and private keys are none of an agent's business either.
-_PASSWORD = re.compile(rb'"password"')
-_PRIVATE_KEY = re.compile(rb"-----BEGIN [A-Z ]*PRIVATE KEY-----")
-_SEAL = re.compile(rb"gslcosim/seal/")
-_ESCAPE = re.compile(rb"\\(?:x([0-9a-fA-F]{2})|u00([0-9a-fA-F]{2})|U000000([0-9a-fA-F]{2}))")
-_NO_MATTER = re.compile(rb"[\s\0\\]+")
-# What stands together in the folder of a run, of results of a suite, and of an environment.
-_SIGNS_OF_RUN = ("scenario.yaml", "manifest.json")
-_SIGNS = (
-    _SIGNS_OF_RUN,
-    ("suite.yaml", "manifest.json"),
-    ("environment.yaml", "occupancy.npy"),
-)
-# Results keep the programs that were run, those of a suite that another one includes with that suite.
-_PROGRAMS, _INCLUDED_SUITES = "agents", "suites"
-
-
-class TooMuchToSearchError(Exception):
-    """A folder holds more than is searched."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(str(folder))
-        self.folder = folder
-
-
-@dataclass
-class _Budget:
-    folder: Path
-    entries: int
-    n_bytes: int
-
-    def spend(self, entries: int, n_bytes: int) -> None:
-        self.entries -= entries
-        self.n_bytes -= n_bytes
-        if self.entries < 0 or self.n_bytes < 0:
-            raise TooMuchToSearchError(self.folder)
-
-
-def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) -> list[Path]:
-    """Return the scenarios, suites, results, runs, recordings and rooms that lie in folders, however they are named.
-
-    Version control's folders count among them. Files of programs do not, whatever they say.
-
-    Args:
-        sources: Files that are truth under each name that they have.
-    """
-    inodes = {(status.st_dev, status.st_ino) for path in sources if (status := _status(path)) is not None}
-    found: list[Path] = []
-    for folder in folders:
-        passed_over = NOT_SEARCHED | _INSTALLED if (folder / "bin").is_dir() else NOT_SEARCHED
-        found += _search(folder, _Budget(folder, MAX_ENTRIES, MAX_BYTES), inodes, passed_over)
-    return found
-
-
-def holds_secret(path: Path) -> bool:
-    """Return whether a file is a private key or the secret of a sealed suite, which nobody else may have.
-
-    Args:
-        path: A file; of a long one, which is neither, nothing is read.
-    """
-    try:
-        data = read_regular_file(path, max_bytes=_HEAD_BYTES)
-    except OSError:
-        return False
-    return _holds_private_key(data) or (_SEAL.search(data) is not None and b'"nonce"' in data)
-
-
-def _holds_private_key(data: bytes) -> bool:
-    return _PRIVATE_KEY.search(data) is not None
-
-
-def is_truth_folder(folder: Path) -> bool:
-    """Return whether a folder is, or lies in, that of a run, of results of a suite or of a room.
-
-    Args:
-        folder: The programs that results keep do not count as part of them.
-    """
-    around = [folder.resolve(), *folder.resolve().parents]
-    return any(_is_result_folder(place) and not _is_kept_program(folder.resolve(), place) for place in around)
-
-
-def _is_kept_program(folder: Path, results: Path) -> bool:
-    parts = folder.relative_to(results).parts
-    while parts[:1] == (_INCLUDED_SUITES,):
-        parts = parts[2:]
-    return parts[:1] == (_PROGRAMS,)
-
-
-# Without recursion: another program may have nested folders as deep as it likes.
-def _search(root: Path, budget: _Budget, inodes: set[tuple[int, int]], passed_over: Collection[str]) -> Iterator[Path]:
-    unseen = [root]
-    while unseen:
-        folder = unseen.pop()
-        try:
-            entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-        except OSError:
-            continue
-        budget.spend(len(entries), 0)
-        is_below = folder != root
-        # More may be made beside a run while the agent looks.
-        if (
-            _is_result_folder(folder)
-            or (is_below and any(entry.name in _OF_ZARR for entry in entries))
-            or (is_below and any(_holds(Path(entry.path), _SIGNS_OF_RUN) for entry in entries))
-        ):
-            yield folder
-            continue
-        for entry in entries:
-            path = Path(entry.path)
-            if entry.name in _HISTORY:
-                yield path
-            elif entry.is_dir(follow_symlinks=False):
-                if entry.name not in (NOT_SEARCHED if is_below else passed_over):
-                    unseen.append(path)
-            elif _is_truth(path, budget, inodes):
-                yield path
-                if entry.is_symlink():
-                    yield path.resolve()
-
-
-def _is_result_folder(folder: Path) -> bool:
-    return any(_holds(folder, names) for names in _SIGNS)
-
-
-def _holds(folder: Path, names: Iterable[str]) -> bool:
-    return all((folder / name).is_file() for name in names)
-
-
-def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool:
-    status = _status(path)
-    # A pipe would be waited for, for ever.
-    if status is None or not stat.S_ISREG(status.st_mode):
-        return False
-    if (status.st_dev, status.st_ino) in inodes:
-        return True
-    try:
-        with open_regular_file(path) as file:
-            return _holds_truth(path.name, file, budget, n_bytes=status.st_size)
-    # Of what is damaged or locked with a password nothing is read; its libraries raise what they like.
-    except TooMuchToSearchError:
-        raise
-    except Exception:
-        return False
-
-
-# `level` counts the archives around it; only of a plain file the length is known before it is unpacked.
-def _holds_truth(name: str, file: IO[bytes], budget: _Budget, *, n_bytes: int | None = None, level: int = 0) -> bool:
-    suffix = Path(name).suffix
-    if suffix in _RECORDINGS:
-        return True
-    if suffix in _CODE_FILES:
-        return False
-    is_data = suffix in _DATA_FILES
-    data = _read_within(budget, file, MAX_BYTES if is_data else _HEAD_BYTES)
-    if data.startswith(_UNREADABLE_BEGINS) or data.startswith(_RECORDING_BEGINS) or data[4:8] == b"ftyp":
-        return True
-    if data.startswith(_CODE_BEGINS):
-        return False
-    is_archive = data.startswith(_ARCHIVE_BEGIN)
-    if level < _MAX_ARCHIVE_LEVELS and any(
-        _holds_truth(inner, content, budget, level=level + 1) for inner, content in _unpack(name, data, file, budget)
-    ):
-        return True
-    if is_archive or data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS)):
-        file.seek(len(data) if n_bytes is None else max(len(data), n_bytes - _HEAD_BYTES))
-        tail = b""
-        while block := _read_within(budget, file, _BLOCK_BYTES):
-            tail = (tail + block)[-_HEAD_BYTES:]
-        data += tail
-    has_secret = _holds_private_key(data) or (is_data and _PASSWORD.search(data) is not None)
-    return has_secret or _names_schema(data) or _is_export(data)
-
-
-def _read_within(budget: _Budget, file: IO[bytes], n_bytes: int) -> bytes:
-    data = bytearray()
-    while len(data) < n_bytes and (block := file.read(min(_BLOCK_BYTES, n_bytes - len(data)))):
-        budget.spend(0, len(block))
-        data += block
-    return bytes(data)
-
-
-# Yields what a compressed file or an archive holds, with its name, one at a time; nothing for all others.
-def _unpack(name: str, data: bytes, file: IO[bytes], budget: _Budget) -> Iterator[tuple[str, IO[bytes]]]:
-    file.seek(0)
-    if data.startswith(_ARCHIVE_BEGIN):
-        with zipfile.ZipFile(file) as archive:
-            for member in archive.infolist():
-                budget.spend(1, 0)
-                # Names of arrays are looked at where they are: units of FMI may have such variables.
-                if not member.is_dir() and not member.flag_bits & 1 and not member.filename.endswith(".npy"):
-                    with archive.open(member) as content:
-                        yield member.filename, content
-    elif data[257:262] == b"ustar":
-        with tarfile.open(fileobj=file) as tape:
-            for entry in tape:
-                budget.spend(1, entry.size if name.endswith(_PACKED_TAPES) else 0)
-                if (content := tape.extractfile(entry) if entry.isreg() else None) is not None:
-                    yield entry.name, content
-    elif (opened := next((begin for begin in _COMPRESSED if data.startswith(begin)), None)) is not None:
-        with _COMPRESSED[opened](file) as content:
-            # `a.csv.gz` has `a.csv` in it, and `a.tgz` a tape.
-            inner = name.removesuffix(Path(name).suffix)
-            yield (name if Path(name).suffix in _PACKED_TAPES else inner), content
-
-
-def _open_by_arrow(file: IO[bytes], codec: str) -> IO[bytes]:
-    import pyarrow  # pyright: ignore[reportMissingTypeStubs]
-
-    arrow: Any = pyarrow
-    with arrow.CompressedInputStream(file, codec) as stream:
-        return io.BytesIO(stream.read(_MAX_ARROW_BYTES))
-
-
-# Of text the first line alone is looked at, so that a page about tables is none.
-def _is_export(data: bytes) -> bool:
-    is_binary, is_json = data.startswith(_BINARY_BEGINS), data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
-    if (is_binary or is_json or data.startswith(_PICTURE_BEGINS)) and _SIGN_OF_EXPORT.search(data) is not None:
-        return True
-    if data.startswith(_ARCHIVE_BEGIN):
-        data = b" ".join(_ARRAY_NAME.findall(data))
-    columns = set(_COLUMNS.findall(data if is_binary else data.partition(b"\n")[0]))
-    return len(columns) >= _MIN_COLUMNS or {b"tick", b"time_s"} <= columns
-
-
-# In each spelling of YAML and JSON: escaped, folded over lines, and in two bytes a character.
-def _names_schema(data: bytes) -> bool:
-    if _SCHEMA.search(data) is not None:
-        return True
-    if b"\\" not in data and b"\0" not in data:
-        return False
-    plain = _ESCAPE.sub(lambda found: bytes.fromhex((found[1] or found[2] or found[3]).decode()), data)
-    return _SCHEMA.search(_NO_MATTER.sub(b"", plain)) is not None
-
-
-def _status(path: Path) -> os.stat_result | None:
-    try:
-        return path.stat()
-    except OSError:
-        return None
-
 
 SandboxKind = Literal["bubblewrap", "landlock", "none"]
 NONE_IN_THIS_PROCESS = "none: in this process"
@@ -521,27 +226,34 @@ def build_confinement(
         return Confinement(limits=agent.limits, environment=environment)
     scratch = private_dir / f"scratch-{agent.name}"
     scratch.mkdir(mode=0o700)
-    own = find_own_folders(command, directory)
+    named = find_named_files(command, directory)
+    own = list(named)
     granted = [(directory / Path(path).expanduser()).absolute() for path in agent.may_read]
     sources = [*setup.sources, *list_input_files(setup.scenario, directory)]
     _check_program(agent, [folder for folder in own if folder not in granted], setup, sources)
     of_python = list_python_folders()
-    searched = {*own, *granted}.difference(of_python)
-    needed = (*own, *granted, *of_python)
-    private = [path for path in list_private_system_paths() if not any(map(path.is_relative_to, needed))]
-    hidden = [
-        *private,
-        *list_hidden_folders(),
-        *_truth_within(agent, searched, sources),
-        *_list_run_folders(setup),
-        *sources,
+    private = [*list_hidden_folders(), *_list_run_folders(setup), *sources]
+    programs = [
+        select_program_files(folder, named[folder], _without_places_around(private, folder), place=agent.place)
+        for folder in own
+        if not any(map(folder.is_relative_to, (*granted, *of_python)))
     ]
-    hidden = [path for path in hidden if path not in (*own, *granted)]
+    of_programs = [path for each in programs for path in each.reads]
+    within_granted = [
+        path
+        for folder in granted
+        if folder not in of_python
+        for path in list_run_places(folder, _without_places_around(private, folder), place=agent.place)
+    ]
+    needed = (*of_programs, *granted, *of_python)
+    of_system = [path for path in list_private_system_paths() if not any(map(path.is_relative_to, needed))]
+    hidden = [*of_system, *private, *within_granted, *(path.resolve() for path in within_granted)]
+    hidden = [path for path in hidden if path not in (*of_programs, *granted)]
     is_python = Path(command[0]).name.startswith("python") and NUMBA_VARIABLE in os.environ
     kernels = Path(os.environ[NUMBA_VARIABLE]) if is_python else None
     writes = [(directory / Path(path).expanduser()).absolute() for path in agent.may_write]
     _check_writes(agent, writes, setup, directory)
-    readable = [*own, *granted, *of_python, *map(Path, SYSTEM_FOLDERS)]
+    readable = [*of_programs, *granted, *of_python, *map(Path, SYSTEM_FOLDERS)]
     hidden += [path.resolve() for path in hidden]
     cell = SandboxPolicy(
         directory=directory.absolute(),
@@ -553,7 +265,13 @@ def build_confinement(
         kernels=kernels,
         scratch=scratch,
     )
-    return Confinement(kind=kind, policy=cell, limits=agent.limits, environment=environment)
+    unseen = tuple(path for each in programs for path in each.unseen)
+    return Confinement(kind=kind, policy=cell, unseen=unseen, limits=agent.limits, environment=environment)
+
+
+# Where a folder lies in one of them, as a program in the cache does, it is meant itself.
+def _without_places_around(private: Sequence[Path], folder: Path) -> PrivatePlaces:
+    return PrivatePlaces([path for path in private if not folder.resolve().is_relative_to(path.resolve())])
 
 
 # What stands beside a program is seen by it.
@@ -574,17 +292,6 @@ def _check_program(agent: ConfinementSpec, own: Sequence[Path], setup: RunSetup,
                 f"with all that comes to lie there, was one in {folder}, where {what}. Move the program, or name "
                 "the folder in may_read."
             )
-
-
-def _truth_within(agent: ConfinementSpec, searched: Collection[Path], sources: Collection[Path]) -> list[Path]:
-    try:
-        return find_exposed_truth(searched, sources)
-    except TooMuchToSearchError as error:
-        raise UsageError(
-            f"{agent.place}: expected at most {MAX_ENTRIES} files of {MAX_BYTES >> 20} MB in folders that the agent "
-            f"reads, which are searched for scenarios and runs that it must not see, was more in {error.folder}. Move "
-            "the program into a folder of its own, or name smaller folders in may_read."
-        ) from error
 
 
 # Where code or runs are nothing may be written, nor around it; agents may share a folder within that of their programs.
