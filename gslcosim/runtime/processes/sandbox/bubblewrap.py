@@ -15,8 +15,9 @@ from gslcosim.runtime.processes.sandbox.policy import SYSTEM_FOLDERS, SandboxPol
 PROBE_TIMEOUT_S = 5.0
 SCRATCH_BYTES = 256 << 20
 SHARED_MEMORY_BYTES = 64 << 20
-HOME = Path("/tmp/home")
-KERNELS = Path("/tmp/kernels")
+_SCRATCH = "/tmp"
+HOME = Path(_SCRATCH, "home")
+KERNELS = Path(_SCRATCH, "kernels")
 # Bubblewrap takes 9000 words in all; kernels beyond these are compiled again.
 _MAX_LINKS = 2000
 
@@ -64,6 +65,11 @@ def build_bubblewrap_command(
         if path.exists() and not (path.is_symlink() and str(path) in SYSTEM_FOLDERS):
             places[path] = ["--ro-bind", str(path), str(path)]
     empty: list[str] = []
+    # Folders around single files are made in the private /tmp where they lie below it, and would be writable.
+    for folder in dict.fromkeys(path.parent for path in places if path.is_relative_to(_SCRATCH) and path.is_file()):
+        if not any(folder.is_relative_to(path) for path in places):
+            places[folder] = ["--tmpfs", str(folder)]
+            empty += ["--remount-ro", str(folder)]
     for path in cell.hidden:
         # A link leads to what is hidden in its own place.
         if any(path.is_relative_to(folder) for folder in cell.reads) and path not in places and not path.is_symlink():
@@ -104,7 +110,7 @@ def build_bubblewrap_arguments(variables: Mapping[str, str], kernels: Mapping[st
 def build_bubblewrap_variables(cell: SandboxPolicy) -> dict[str, str]:
     """Return what changes in the environment of a process in its cell."""
     kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None else {}
-    return {"HOME": str(HOME), "TMPDIR": "/tmp", **kernels}
+    return {"HOME": str(HOME), "TMPDIR": _SCRATCH, **kernels}
 
 
 def _list_system_links() -> list[str]:
@@ -120,5 +126,5 @@ _BASE_OPTIONS = (
     "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
     # Whoever is root could change settings of the machine there.
     "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
-    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", "/tmp",
+    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", _SCRATCH,
 )  # fmt: skip

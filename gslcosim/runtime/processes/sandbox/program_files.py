@@ -13,7 +13,7 @@ from gslcosim.methods.card import CARD_FILE, find_card_beside
 
 # A folder with more entries, and one with more places of code, is refused.
 MAX_ENTRIES = 50_000
-MAX_PLACES = 4_000
+MAX_PLACES = 500
 # Packages of others and build products, bound whole and not entered.
 _VENDORED = frozenset((".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"))
 # Folders of an installed program, beside its `bin`.
@@ -27,7 +27,7 @@ _CODE_KINDS = frozenset((
 ))  # fmt: skip
 _CODE_NAMES = frozenset(("package.json", "tsconfig.json", "CMakeLists.txt", "Makefile", CARD_FILE))
 _CODE_BEGINS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
-_NAMES_OF_RUNS = frozenset(("scenario.yaml", "suite.yaml", "result.json", "inputs.log", "runs"))
+_NAMES_OF_RUNS = frozenset(("scenario.yaml", "suite.yaml", "result.json", "inputs.log"))
 # Files that stand together in the folder of a run, of results of a suite, and of an environment.
 _SIGNS = (
     ("scenario.yaml", "manifest.json"),
@@ -75,23 +75,21 @@ def select_program_files(folder: Path, named: Collection[Path], private: Private
     """
     card = find_card_beside(folder / CARD_FILE)
     given = [_find_card_file(folder, name, private, place) for name in (card.files if card is not None else ())]
-    reads = [*(path for path in named if not _is_of_run(path, private)), *given]
+    code: list[Path] = []
     unseen: list[Path] = []
     for path, is_whole in _iterate_entries(folder, place):
-        if path.is_dir() and not path.is_symlink() and not is_whole:
-            continue
         is_code = not private.contains(path) and (is_whole or _is_code(path, folder))
-        (reads if is_code else unseen).append(path)
+        (code if is_code else unseen).append(path)
+    # A subfolder with nothing but code is bound as one.
+    mixed = {folder, *folder.parents, *(each for path in unseen for each in path.parents)}
+    places = [next((each for each in reversed(path.parents) if each not in mixed), path) for path in code]
+    reads = tuple(dict.fromkeys((*(path for path in named if not _is_of_run(path, private)), *given, *places)))
     if len(reads) > MAX_PLACES:
         raise UsageError(
-            f"{place}.start: expected at most {MAX_PLACES} files of code in the folder of a program, were {len(reads)} "
+            f"{place}.start: expected at most {MAX_PLACES} files of code beside files that are none, were {len(reads)} "
             f"in {folder}. Move the program into a folder of its own."
         )
-    bound = set(reads)
-    return ProgramFiles(
-        reads=tuple(dict.fromkeys(reads)),
-        unseen=tuple(path for path in unseen if bound.isdisjoint((path, *path.parents))),
-    )
+    return ProgramFiles(reads=reads, unseen=tuple(path for path in unseen if not any(map(path.is_relative_to, reads))))
 
 
 def list_run_places(folder: Path, private: PrivatePlaces, *, place: str) -> list[Path]:
@@ -116,8 +114,8 @@ def _find_card_file(folder: Path, name: str, private: PrivatePlaces, place: str)
     raise UsageError(f"{place}.start: {CARD_FILE}: files: {problem}.\nFile: {folder / CARD_FILE}")
 
 
-# Yields each entry below a folder, and whether it is one of the folders that count as a whole, which are not entered.
-# Folders come before what lies in them. Those of runs, of version control and hidden ones are not entered either.
+# Yields the files below a folder, and the folders that are not entered: those of others' packages, which count as a
+# whole, as the second value says, and those of runs, of version control, and hidden ones.
 def _iterate_entries(root: Path, place: str) -> Iterator[tuple[Path, bool]]:
     whole_at_root = _VENDORED | _INSTALLED if (root / "bin").is_dir() else _VENDORED
     unseen, n_entries = [root], 0
@@ -137,9 +135,13 @@ def _iterate_entries(root: Path, place: str) -> Iterator[tuple[Path, bool]]:
             path = Path(entry.path)
             is_folder = entry.is_dir(follow_symlinks=False)
             is_whole = is_folder and entry.name in (whole_at_root if folder == root else _VENDORED)
-            yield path, is_whole
-            if is_folder and not is_whole and not entry.name.startswith(".") and not _is_result_folder(path):
+            is_closed = (
+                is_whole or entry.name.startswith(".") or entry.name in _NAMES_OF_RUNS or _is_result_folder(path)
+            )
+            if is_folder and not is_closed:
                 unseen.append(path)
+            else:
+                yield path, is_whole
 
 
 def _is_of_run(path: Path, private: PrivatePlaces) -> bool:

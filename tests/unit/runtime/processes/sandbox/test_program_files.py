@@ -45,7 +45,7 @@ def test_code_alone_is_bound_and_what_is_not_is_named(tmp_path):
     )
     made(tmp_path, "renamed.yaml", "room", "room.txt", "run.zip", "room.npz", "a/b/copy.json", "x.ipynb", ".git/a.py")
     selected = select_program_files(tmp_path, [tmp_path / "agent.py"], PrivatePlaces([]), place="agents[0]")
-    assert bound(tmp_path) == ["agent.py", "package.json", "package/inner/part.py", "tools.py"]
+    assert bound(tmp_path) == ["agent.py", "package.json", "package/inner", "tools.py"]
     unseen = {path.relative_to(tmp_path).as_posix() for path in selected.unseen}
     assert unseen >= {"renamed.yaml", "room", "room.txt", "run.zip", "room.npz", "a/b/copy.json", "package/data.json"}
 
@@ -56,6 +56,11 @@ def test_code_alone_is_bound_and_what_is_not_is_named(tmp_path):
 )  # fmt: skip
 def test_folders_of_runs_results_and_rooms_are_not_entered(tmp_path, signs):
     assert bound(made(tmp_path, "agent.py", *signs)) == ["agent.py"]
+
+
+def test_the_folder_of_a_program_is_never_bound_whole(tmp_path):
+    """Runs, and whatever else, may be made in it while the agent looks."""
+    assert bound(made(tmp_path, "agent.py", "src/a.py", "src/deep/b.py")) == ["agent.py", "src"]
 
 
 def test_a_program_without_a_suffix_is_code_by_its_first_bytes(tmp_path):
@@ -102,9 +107,9 @@ def test_a_card_names_nothing_outside_of_its_folder(tmp_path, name):
         bound(mine)
 
 
-@pytest.mark.parametrize("name", ["scenario.yaml", "runs", "old", "above"])
+@pytest.mark.parametrize("name", ["scenario.yaml", "old", "above"])
 def test_a_card_names_nothing_of_a_run(tmp_path, name):
-    made(tmp_path, "agent.py", "scenario.yaml", "runs/a", "above/deep/linked.py", *(f"old/{each}" for each in RUN))
+    made(tmp_path, "agent.py", "scenario.yaml", "above/deep/linked.py", *(f"old/{each}" for each in RUN))
     source = tmp_path / "above" / "deep" / "linked.py"
     with pytest.raises(UsageError, match=r"files: expected files of the program, found .*, which belongs to a run"):
         bound(with_card(tmp_path, name), private=[source])
@@ -113,7 +118,7 @@ def test_a_card_names_nothing_of_a_run(tmp_path, name):
 def test_a_folder_with_too_much_is_refused(tmp_path, monkeypatch):
     made(tmp_path, *(f"{i}.py" for i in range(4)), "agent.py", "scenario.yaml")
     monkeypatch.setattr(program_files, "MAX_PLACES", 3)
-    with pytest.raises(UsageError, match=r"at most 3 files of code in the folder of a program"):
+    with pytest.raises(UsageError, match=r"at most 3 files of code beside files that are none"):
         bound(tmp_path)
     monkeypatch.setattr(program_files, "MAX_ENTRIES", 3)
     with pytest.raises(UsageError, match="at most 3 files in a folder that an agent reads"):
@@ -138,7 +143,7 @@ def test_a_link_to_code_of_the_folder_is_code(tmp_path):
     made(tmp_path, "agent.py", "notes.txt", "src/tools.py")
     (tmp_path / "tools.py").symlink_to("src/tools.py")
     (tmp_path / "notes.py").symlink_to("notes.txt")
-    assert bound(tmp_path) == ["agent.py", "src/tools.py", "tools.py"]
+    assert bound(tmp_path) == ["agent.py", "src", "tools.py"]
 
 
 def test_of_a_granted_folder_what_belongs_to_runs_is_listed(tmp_path):
