@@ -39,7 +39,7 @@ DOORS_PATH = "environment.doors"
 
 
 def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> EnvironmentGeometry:
-    """Return a room in which the doors that are not open stand.
+    """Return a room with the boxes of its closed doors.
 
     Air that a closed door cuts off from all openings stays air: the door may open again.
 
@@ -55,9 +55,9 @@ def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> En
 
 
 def fill_still_air(room: EnvironmentGeometry) -> EnvironmentGeometry:
-    """Return a room for wind: what no opening reaches is solid, as the air stands still there.
+    """Return a room for a wind solver: still air, out of reach of all openings, becomes solid.
 
-    Solvers find no pressure in a part of the room that neither takes air in nor lets it out.
+    Solvers find no pressure in a part of the room without inlet and outlet.
     """
     if not room.openings:
         return room
@@ -68,7 +68,7 @@ def fill_still_air(room: EnvironmentGeometry) -> EnvironmentGeometry:
 
 
 def find_door_boxes(environment: Environment) -> tuple[Box, ...]:
-    """Return the boxes that are there in some situations of a run and not in others, in the order of their names."""
+    """Return the boxes of doors that move: those in some variants but not in all, in the order of their names."""
     rooms = (environment, *environment.later_rooms.values())
     boxes = {box.name: box for room in rooms for box in room.boxes}
     always = set(boxes).intersection(*({box.name for box in room.boxes} for room in rooms))
@@ -76,7 +76,7 @@ def find_door_boxes(environment: Environment) -> tuple[Box, ...]:
 
 
 def find_door_problems(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> list[Problem]:
-    """Return what is wrong with doors in a room; empty when all can be opened and closed.
+    """Return the problems of doors in a room.
 
     Args:
         room: The room with all its doors open.
@@ -104,8 +104,8 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     """Return a problem for each opening of a room that its closed doors cut off from the inlets.
 
     Args:
-        room: The room with the doors as they are.
-        path: What of the scenario is to blame.
+        room: The room with its closed doors.
+        path: Place of the problems in the scenario.
     """
     is_air = room.occupancy != Cell.SOLID
     inlets = [opening for opening in room.openings if opening.kind == "inlet"]
@@ -152,7 +152,7 @@ def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> P
 
 
 def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -> EnvironmentVariant:
-    """Return what an event of a scenario makes of a situation; the same where it is about something else."""
+    """Return the variant after an event of a scenario; the same for an event without effect on room and wind."""
     closed, i_wind = variant
     match event:
         case DoorOpensSpec():
@@ -166,16 +166,16 @@ def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -
 
 
 def first_variant(scenario: Scenario) -> EnvironmentVariant:
-    """Return the situation at the start of a run."""
+    """Return the variant at the start of a run."""
     return EnvironmentVariant(
         closed=tuple(sorted(door.name for door in scenario.environment.doors if not door.is_open))
     )
 
 
 def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
-    """Return all situations that a run may come to, the first one first.
+    """Return all variants that a run may reach, that at its start first.
 
-    Where all events that matter have a time they follow each other; with conditions any order is possible.
+    Events with times follow each other; if any has a condition instead, all orders are possible.
     """
     first = first_variant(scenario)
     mattering = [(i, event) for i, event in enumerate(scenario.events) if event.drives_wind]
@@ -195,14 +195,14 @@ def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
 
 
 def variant_scenarios(scenario: Scenario) -> list[Scenario]:
-    """Return the scenario as it is, and for each other room that its doors make one that starts in it."""
+    """Return the scenario, and for each further set of closed doors a scenario that starts with it."""
     first, *later = find_variants(scenario)
     rooms = {each.closed: scenario_in_variant(scenario, each) for each in later if each.closed != first.closed}
     return [scenario, *rooms.values()]
 
 
 def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scenario:
-    """Return the scenario whose room and wind are at the start what they are in a situation."""
+    """Return the scenario that starts with the room and wind of a variant."""
     doors = tuple(
         door.model_copy(update={"is_open": door.name not in variant.closed}) for door in scenario.environment.doors
     )
@@ -226,14 +226,14 @@ def _one_after_another(
 
 
 class DynamicEnvironment:
-    """The room of a scenario in the situation that its events have brought.
+    """The room of a scenario in its current variant.
 
-    Whoever holds one and reads events obeys them by itself, so that all participants switch in the same tick.
-    State: which doors are closed, and whose inlet makes the wind.
+    Each participant with an instance applies events to it, so that all of them switch in the same tick.
+    State: the closed doors, and the event that sets the inlet's wind.
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Stand as at the start of a run."""
+        """Set the variant at the start of a run."""
         self._scenario = scenario
         self._first, *later = find_variants(scenario)
         lacking = [each for each in later if each not in environment.later_rooms]
@@ -244,32 +244,32 @@ class DynamicEnvironment:
 
     @property
     def variant(self) -> EnvironmentVariant:
-        """Current variant: the closed doors, and whose inlet makes the wind."""
+        """Current variant."""
         return EnvironmentVariant(self._closed, self._i_wind)
 
     @property
     def now(self) -> Environment:
-        """The room and the wind as they are now."""
+        """Current room and wind."""
         return self._rooms[self.variant]
 
     @property
     def rooms(self) -> dict[EnvironmentVariant, Environment]:
-        """The room in all situations that it was made for."""
+        """Rooms by variant."""
         return self._rooms
 
     def by_doors(self) -> dict[Closed, Environment]:
-        """Return a room for each set of closed doors, whatever its wind; the first one first."""
+        """Return a room of any wind for each set of closed doors, that at the start first."""
         rooms = {self._first.closed: self._rooms[self._first]}
         for variant, room in self._rooms.items():
             rooms.setdefault(variant.closed, room)
         return rooms
 
     def reset(self) -> None:
-        """Stand as at the start of a run."""
+        """Return to the variant at the start of a run."""
         self._closed, self._i_wind = self._first.closed, OWN_WIND
 
     def obey(self, inbox: Inbox) -> bool:
-        """Take the events of this tick, and return whether a door has moved."""
+        """Apply the events of this tick, and return whether a door has moved."""
         closed = self._closed
         for i, event in find_due_events(self._scenario, inbox):
             self._closed, self._i_wind = variant_after(self.variant, i, event)
@@ -282,20 +282,20 @@ def _text(variant: EnvironmentVariant) -> str:
 
 
 class ScaledWind:
-    """A room's frames of wind times a share, 1 until it is set.
+    """A room's frames of wind times a factor, the share of `WindShare`, 1 until it is set.
 
     u(x, t) = share(t) u_frame(x, t)
     [m/s] = [1] [m/s]
 
     Our derivation: without viscosity the equations of motion stay the same when all velocities are multiplied by a
-    share and times divided by it, so a flow at a high Reynolds number keeps its shape. The time to follow is left out.
-    The share is that of a service times that of the last event about the wind, which also says whose frames they are:
-    the room's own, or those that were made for the event. Where a door has moved they are those of the room since.
-    Arrays are read-only and valid until share, frames or frame change.
+    factor and times divided by it, so a flow at a high Reynolds number keeps its shape. The transient is neglected.
+    The factor is that of a service times that of the last wind event. The frames are those of the current variant:
+    the room's own, or those of the event's inlet, with the present doors.
+    Arrays are read-only and valid until factor, frames or frame change.
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Blow as the room's wind does."""
+        """Start with the room's own wind."""
         self._scenario = scenario
         self.room = DynamicEnvironment(environment, scenario)
         self._frames = {key: _read_only(room.wind.velocity_m_s) for key, room in self.room.rooms.items()}
@@ -304,23 +304,23 @@ class ScaledWind:
         self._scaled_frame = -1
 
     def reset(self) -> None:
-        """Blow as the room's wind does."""
+        """Return to the room's own wind."""
         self.room.reset()
         self._event_share, self._scaled_frame = 1.0, -1
         self.set_share(1.0)
 
     def set_share(self, share: float) -> None:
-        """Blow `share` [1] times as fast from now on."""
+        """Set the factor of a service [1]."""
         if share != self._share:
             self._share, self._scaled_frame = share, -1
 
     def take(self, message: Message | None) -> None:
-        """Obey what a service says on `truth/wind`, if it says anything."""
+        """Apply the message of a service on `truth/wind`, if there is one."""
         if isinstance(message, WindShare):
             self.set_share(message.share)
 
     def obey(self, inbox: Inbox) -> bool:
-        """Take what a service and events say of this tick, and return whether a door has moved."""
+        """Apply the service's message and the events of this tick, and return whether a door has moved."""
         self.take(inbox.get(WIND))
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, WindChangesSpec):

@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class SolvedWind:
-    """Wind for a room, with the solver's report where the built-in one has solved it."""
+    """Wind of a room, with the report of the built-in solver where that has solved it."""
 
     frames: WindFrames
     report: flow.WindReport | None = None
@@ -34,15 +34,12 @@ class SolvedWind:
 
 
 def no_progress(_text: str, _fraction: float) -> None:
-    """Report to no one."""
+    """Discard a report of progress."""
 
 
 @singledispatch
 def solve_block_wind(block: SolverSpec, setup: WindSetup) -> SolvedWind:
-    """Return the wind of a wind solver's block in a room.
-
-    A package that brings a solver registers its builder by the type of its block.
-    """
+    """Return the wind of a solver's block in a room; a package with a solver registers its builder by block type."""
     del setup
     raise ScenarioError(
         f"wind.solver: expected a builder for {type(block).__name__}, was none. "
@@ -57,10 +54,10 @@ def solve_wind_of_scenario(
 
     Args:
         room: Geometry, occupancy and openings.
-        spec: Where the room comes from; it may bring its wind.
-        wind: What the scenario says of the wind.
-        scenario_dir: What relative paths are relative to.
-        progress: Receives what is being done and how much of it is over, from 0 to 1.
+        spec: Origin of the room; it may bring its wind.
+        wind: The scenario's wind block.
+        scenario_dir: Base folder of relative paths.
+        progress: Receives the current step and its fraction done, from 0 to 1.
     """
     setup = WindSetup(room=room, environment=spec, scenario_dir=scenario_dir, progress=progress)
     made = solve_block_wind(wind, setup)
@@ -88,7 +85,7 @@ def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
 
 
 def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch, ...]:
-    """Return a room's openings as the solvers have them, with the scenario's profile and schedule at the inlets.
+    """Return the solvers' patches of a room's openings, with the scenario's profile and schedule at the inlets.
 
     Coordinates start at the grid's origin.
     """
@@ -103,13 +100,9 @@ _AIR_HEAT_J_M3_K = 1.204 * 1006.0
 
 
 def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> BuoyantScalar | None:
-    """Return the gas or heat that drives a room's wind, as the solver has it; None without.
+    """Return the solver's scalar for the gas or heat that drives a room's wind; None without.
 
     Coordinates start at the grid's origin.
-
-    Args:
-        room: Its grid.
-        spec: What the scenario says of it.
     """
     if spec is None:
         return None
@@ -176,13 +169,14 @@ def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
     return WindFrames(velocity_m_s=velocity_m_s)
 
 
-# Gaps in a wind are warnings to the user, and stay with the folder.
 def read_stored_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind | None:
-    """Return the wind that an extension reads or solves, or that the environment's folder brings, if it does.
+    """Return the wind that an extension reads or solves, or that the environment's folder brings; None without one.
+
+    Warnings about gaps in it become notices, which stay with the environment's folder.
 
     Args:
-        wind: What the scenario says of the wind.
-        setup: The room that it has to fit, and where the room comes from.
+        wind: The scenario's wind block.
+        setup: The room that it has to fit, and the room's origin.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -236,7 +230,7 @@ def _frames_of(report: flow.WindReport, room: EnvironmentGeometry, wind: WindSpe
     )
 
 
-# Air leaves through cells that an opening encloses, but the room has them solid. In place.
+# In place: the solver has air in cells that an opening encloses, but they are solid in the room.
 def _still_in_solids(frames_m_s: NDArray[np.float32], room: EnvironmentGeometry) -> NDArray[np.float32]:
     frames_m_s[:, room.occupancy == Cell.SOLID] = 0
     return frames_m_s

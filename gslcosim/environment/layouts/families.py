@@ -1,4 +1,4 @@
-"""Families of layouts, warehouses, buildings, plants outdoors and wind tunnels, and the pieces they are made of."""
+"""Families of layouts (warehouses, buildings, plants outdoors, wind tunnels) and the pieces they consist of."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ WOOD_RGBA: Rgba = (0.55, 0.38, 0.22, 1.0)
 CONCRETE_RGBA: Rgba = (0.60, 0.60, 0.58, 1.0)
 TANK_RGBA: Rgba = (0.80, 0.83, 0.86, 1.0)
 
-# Turned and round things become strips of this width: as fine as the usual cell, chosen.
+# Width of the strips that stand for turned and round shapes; chosen, as fine as the usual cell.
 STRIP_M = 0.2
 N_CIRCLE = 24
 
@@ -48,16 +48,16 @@ CLUTTER_SIDE_M, CLUTTER_HEIGHT_M = (0.4, 1.0), (0.4, 2.0)
 # Free floor kept around furniture, and on both sides of doors.
 FURNITURE_GAP_M, DOOR_GAP_M = 0.6, 0.9
 
-# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
+# Chosen: a small storage tank, a shed; clearance between them and to the boundary.
 TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
 BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
 PLANT_GAP_M = 2.0
 
-# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
+# The thesis adds this to the wider opening for the aisle between the ends of rows and the wall [m].
 END_AISLE_EXTRA_M = 2.0
 POST_M, SHELF_M = 0.1, 0.1
-# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
-# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
+# Fill height of each of four bays (lower near, lower far, upper near, upper far), as a fraction of the space below
+# the next shelf. Seven loads, as many as the thesis has filled racks; the fractions are chosen.
 LOADS = (
     (0.95, 0.95, 0.95, 0.95),
     (0.95, 0.95, 0.6, 0.6),
@@ -74,7 +74,7 @@ N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
 FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
 PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
 PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
-# Free width kept between items, and before openings.
+# Clearance between items, and in front of openings.
 ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
 
 
@@ -91,7 +91,7 @@ class Area:
         return self.max_m[0] - self.min_m[0], self.max_m[1] - self.min_m[1]
 
     def is_apart_from(self, other: "Area", gap_m: float = 0.0) -> bool:
-        """Return whether at least a gap [m] lies between the two, along x or along y."""
+        """Return whether the two are at least a gap [m] apart, along x or along y."""
         return any(
             self.max_m[i] + gap_m <= other.min_m[i] + 1e-9 or other.max_m[i] + gap_m <= self.min_m[i] + 1e-9
             for i in range(2)
@@ -104,7 +104,7 @@ Wall = tuple[Area, list[Gap]]
 
 
 def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
+    """Return all racks of a warehouse, named `rack_i_j_k`: row, place in the row, storey."""
     places = rack_areas(layout, openings)
     n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
     types = rack_types(layout, len(places) * n_storeys)
@@ -160,7 +160,7 @@ def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
 
 
 def build_home(layout: HomeSpec) -> tuple[Box, ...]:
-    """Return walls, doors and furniture of a flat that was divided at random."""
+    """Return walls, doors and furniture of a flat divided at random."""
     rng = stream(layout.seed, "layout.home")
     x_m, y_m, z_m = layout.size_m
     rooms = [Area(min_m=(0.0, 0.0), max_m=(x_m, y_m))]
@@ -182,7 +182,7 @@ def build_home(layout: HomeSpec) -> tuple[Box, ...]:
 
 
 def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
-    """Return walls with passages between a grid of rooms, all of which can be reached, and clutter."""
+    """Return walls with passages between a grid of rooms, all of them reachable, and clutter."""
     rng = stream(layout.seed, "layout.cluttered_rooms")
     z_m = layout.size_m[2]
     has_passage = _passages(layout, rng)
@@ -201,7 +201,7 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
 
 
 def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
-    """Return the buildings and tanks of a plant; those for which there is no place are left out."""
+    """Return the buildings and tanks of a plant, without those that find no place."""
     rng = stream(layout.seed, "layout.plant")
     x_m, y_m, z_m = layout.size_m
     zone = Area(min_m=(PLANT_GAP_M, PLANT_GAP_M), max_m=(x_m - PLANT_GAP_M, y_m - PLANT_GAP_M))
@@ -224,7 +224,7 @@ def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
 
 
 def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
-    """Return the blocks of a wind tunnel, in a row along its middle line."""
+    """Return the blocks of a wind tunnel, in a row along its centre line."""
     x_m, y_m, z_m = layout.size_m
     side_m = min(layout.block_m, 0.6 * y_m)
     first_m = min(2 * layout.block_m, x_m / 4)
@@ -269,14 +269,14 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
 
 
 def l_shape_from_m(layout: OfficeSpec) -> float:
-    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
+    """Return the x at which the upper side of an office ends [m]; its whole length for a rectangle."""
     if layout.outline == "rectangle" or layout.rooms_per_side < 2:
         return layout.size_m[0]
     return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
 def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
-    """Return the type of each rack at random: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
+    """Return a random type for each rack: below 7 the index of the load, 7 and 8 empty; enough of them are filled."""
     rng = stream(layout.seed, "layout.rack_types")
     types = rng.integers(N_TYPES, size=n_racks)
     empty = np.flatnonzero(types >= len(LOADS))
@@ -288,10 +288,10 @@ def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
 
 
 def rack_areas(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[tuple[str, Area], ...]:
-    """Return where racks stand, each with its row and its place in it: `row_place`.
+    """Return the areas of racks, each with its row and its place in it: `row_place`.
 
-    As many rows as leave the aisles, spread evenly from wall to wall; in complex warehouses those between the outer
-    two are turned and stand along x.
+    As many rows as the aisles allow, spread evenly from wall to wall; in complex warehouses the inner rows are turned
+    and stand along x.
     """
     across_m, along_m, _ = layout.rack_size_m
     x_m, y_m, _ = layout.size_m
@@ -407,7 +407,7 @@ def _shrunk(corners: Sequence[Point], share: float) -> tuple[Point, ...]:
     return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
 
 
-# The floor before an opening, which stays clear; one on the floor or the ceiling keeps what is under it clear.
+# The floor in front of an opening, or below one in the ceiling, which stays clear.
 def _before(opening: OpeningSpec) -> Area:
     (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
     return Area(
@@ -456,7 +456,7 @@ def _east_wall(room: Area, thickness_m: float) -> Area:
     return Area(min_m=(x_m - thickness_m, room.min_m[1]), max_m=(x_m, room.max_m[1]))
 
 
-# A gap of a width somewhere in a wall, away from its ends; as wide as is possible in short walls.
+# A gap at random in a wall, away from its ends; narrower in short walls.
 def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
     axis = 0 if area.size_m[0] >= area.size_m[1] else 1
     width_m = min(width_m, 0.8 * area.size_m[axis])
@@ -482,7 +482,7 @@ def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area
     ]
 
 
-# One thing in a zone, either way round, if there is a place for it; the place is then taken.
+# One piece of furniture in a zone, in either orientation, if it finds a place, which is then taken.
 def _furnish(
     rng: np.random.Generator,
     name: str,
@@ -529,8 +529,8 @@ def _cut(room: Area, axis: int, low_m: float, high_m: float) -> Area:
     return Area(min_m=(room.min_m[0], low_m), max_m=(room.max_m[0], high_m))
 
 
-# For each wall, named by the room below it and the axis across it: whether it has a passage. A random spanning tree
-# of the rooms has one, and some of the others.
+# True for each wall with a passage; a wall is named by the room below it and the axis across it. The walls of a random
+# spanning tree of the rooms have passages, and some of the others.
 def _passages(layout: ClutteredRoomsSpec, rng: np.random.Generator) -> dict[tuple[tuple[int, int], int], bool]:
     nx, ny = layout.n_rooms
     rooms = [(i, j) for i in range(nx) for j in range(ny)]
@@ -566,7 +566,7 @@ def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, 
 
 
 def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
-    """Return the corners, counterclockwise, of a rectangle that is turned about its centre."""
+    """Return the corners, counterclockwise, of a rectangle turned about its centre."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return tuple(
         (
@@ -596,9 +596,9 @@ def bounding_area(corners_m: Sequence[Point]) -> Area:
 def split_into_strips(
     name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba
 ) -> tuple[Box, ...]:
-    """Return boxes `name_0`, `name_1`, … along x that together stand for a convex prism.
+    """Return boxes `name_0`, `name_1`, … along x that together approximate a convex prism.
 
-    Each strip is as long as the polygon is at the strip's middle, so that the area is kept to second order.
+    Each strip has the polygon's length at the strip's middle, so that the area is exact to second order.
     """
     bounds = bounding_area(corners_m)
     n = max(1, round(bounds.size_m[0] / STRIP_M))
@@ -621,7 +621,7 @@ def wall_with_gaps(
         name: Of the wall; pieces are `name_0`, …, lintels `name_lintel_0`, ….
         area: The wall's footprint.
         height_m: Of the wall, from the floor.
-        gaps: From and to along the longer side [m], ascending, apart from each other.
+        gaps: Start and end along the longer side [m], ascending, without overlap.
         gap_height_m: Height of the gaps; at least `height_m` means no lintel.
     """
     axis = 0 if area.size_m[0] >= area.size_m[1] else 1
@@ -641,7 +641,7 @@ def wall_with_gaps(
 def free_places(
     rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float = 0.0, n_tries: int = 60
 ) -> Iterator[Area]:
-    """Yield places for a thing of a size, drawn evenly in a zone, that keep a gap [m] to all that is taken."""
+    """Yield places of a size, drawn evenly in a zone, at least a gap [m] away from all taken areas."""
     room = (zone.size_m[0] - size_m[0], zone.size_m[1] - size_m[1])
     if min(room) < 0:
         return
@@ -662,6 +662,6 @@ def _span_at(x_m: float, corners_m: Sequence[Point]) -> tuple[float, float]:
     return (float(min(crossings)), float(max(crossings))) if crossings else (0.0, 0.0)
 
 
-# Free of the last digits of sums, so that edges on borders of cells stay there.
+# Without the rounding errors of sums, so that edges on cell borders stay there.
 def _clean(value_m: float) -> float:
     return round(float(value_m), 6)
