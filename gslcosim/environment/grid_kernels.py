@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.problems import Problem
-from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, point_text
+from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, span_text
 from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
 
 SOLID = 1
@@ -309,7 +309,7 @@ def find_occupancy_problems(room: EnvironmentGeometry) -> list[Problem]:
     problems = [
         Problem(
             where=_path_to_blame(room),
-            expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
+            expected=f"air at the {opening.name}, {span_text(opening.min_m, opening.max_m)}",
             found="obstacles in front of all of it",
             remedy=f"Move the obstacles or the {opening.name}.",
         )

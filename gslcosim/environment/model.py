@@ -3,17 +3,36 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import IntEnum
-from typing import Any, Literal, NamedTuple, Self, TypedDict
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.problems import ProblemsError
+
+OWN_WIND = -1
+"""In place of the index of an event: the wind is that of the scenario."""
+
+Closed = tuple[str, ...]
+"""The names of the doors that are closed, sorted."""
+
+AT_START: Closed = ("at start",)
+"""In place of names: the doors at the start of a run. No door has this name, for names have no blanks."""
+
+LAYOUT_PATH = "environment.layout"
+# More cells would not fit into the memory of a common machine together with the solver's fields.
+MAX_CELLS = 200_000_000
+
+WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
+FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
+CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
+OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
 class ImpossibleEnvironmentError(ProblemsError):
@@ -35,7 +54,7 @@ class Grid:
     """A box of equal cubic cells; index order is (x, y, z), cell (0, 0, 0) touches `origin_m`."""
 
     origin_m: Vec3
-    cell_m: float
+    cell_m: Annotated[float, Field(gt=0)]
     shape: tuple[int, int, int]
 
     @property
@@ -73,6 +92,10 @@ class Grid:
         """Return the (nx, ny, nz, 3) cell centres, world frame [m]."""
         return np.stack(np.meshgrid(*(self.axis_centres_m(axis) for axis in range(3)), indexing="ij"), axis=-1)
 
+    def centres_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the centres of (…, 3) cell indices, world frame [m]."""
+        return np.asarray(self.origin_m, dtype=np.float64) + (cells + 0.5) * self.cell_m
+
     def axis_centres_m(self, axis: int) -> NDArray[np.float64]:
         """Return the (n,) coordinates of the cell centres on one axis (0, 1, 2 is x, y, z), world frame [m]."""
         return self.origin_m[axis] + (np.arange(self.shape[axis], dtype=np.float64) + 0.5) * self.cell_m
@@ -81,6 +104,11 @@ class Grid:
 def point_text(point_m: Sequence[float]) -> str:
     """Return a point in the notation of scenario files, such as `[5, 1, 2]`."""
     return "[" + ", ".join(f"{coordinate_m:.6g}" for coordinate_m in point_m) + "]"
+
+
+def span_text(min_m: Sequence[float], max_m: Sequence[float]) -> str:
+    """Return the corners of a box as text, such as `[0, 0, 0] to [5, 1, 2] m`."""
+    return f"{point_text(min_m)} to {point_text(max_m)} m"
 
 
 class Cell(IntEnum):
@@ -120,10 +148,8 @@ class VisualMesh:
     ) -> Self:
         """Return a mesh from arrays of any numeric type, without the vertices that no face uses."""
         used, numbers = np.unique(faces, return_inverse=True)
-        kept_m = np.ascontiguousarray(np.asarray(vertices_m)[used], dtype=np.float32)
-        renumbered = np.ascontiguousarray(numbers.reshape(-1, 3), dtype=np.int32)
-        kept_m.setflags(write=False)
-        renumbered.setflags(write=False)
+        kept_m = freeze_array(np.ascontiguousarray(np.asarray(vertices_m)[used], dtype=np.float32))
+        renumbered = freeze_array(np.ascontiguousarray(numbers.reshape(-1, 3), dtype=np.int32))
         r, g, b, a = (round(round(channel * 255) / 255, 6) for channel in rgba)
         return cls(name=name, vertices_m=kept_m, faces=renumbered, rgba=(r, g, b, a))
 
@@ -169,17 +195,6 @@ class WindFrames:
         n_frames = self.velocity_m_s.shape[0]
         index = int(time_s / self.period_s + 1e-9)
         return index % n_frames if self.is_looping else min(index, n_frames - 1)
-
-
-OWN_WIND = -1
-"""In place of the index of an event: the wind is that of the scenario."""
-
-
-Closed = tuple[str, ...]
-"""The names of the doors that are closed, sorted."""
-
-AT_START: Closed = ("at start",)
-"""In place of names: the doors at the start of a run. No door has this name, for names have no blanks."""
 
 
 class VariantValues(TypedDict):
@@ -264,9 +279,7 @@ def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
                 f"k and epsilon of {room.name}: expected (nx, ny, nz, 2) with cells {room.grid.shape}, "
                 f"was {k_epsilon.shape}"
             )
-    frozen_wind = WindFrames(
-        velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping, k_epsilon=k_epsilon
-    )
+    frozen_wind = replace(wind, velocity_m_s=velocity_m_s, k_epsilon=k_epsilon)
     geometry = {each.name: getattr(room, each.name) for each in fields(EnvironmentGeometry)}
     return Environment(**geometry, wind=frozen_wind, content_hash=content_hash(room, frozen_wind))
 
@@ -298,17 +311,6 @@ def freeze_array(array: NDArray[Any]) -> NDArray[Any]:
     """Make an array read-only and return it."""
     array.setflags(write=False)
     return array
-
-
-LAYOUT_PATH = "environment.layout"
-# More cells would not fit into the memory of a common machine together with the solver's fields.
-MAX_CELLS = 200_000_000
-
-WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
-
-FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
-CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
-OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
 def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:

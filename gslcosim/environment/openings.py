@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, point_text
+from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, span_text
 from gslcosim.scenario.models.scenario import OpeningSpec
 
 _AXES = "xyz"
@@ -114,8 +114,8 @@ def place_openings(
             Problem(
                 where=each.overlap_path or each.path,
                 expected=f"{other.name} and {opening.name} apart from each other",
-                found=f"{other.name} {_span_text(other.min_m, other.max_m)} and {opening.name} "
-                f"{_span_text(min_m, max_m)}, which overlap",
+                found=f"{other.name} {span_text(other.min_m, other.max_m)} and {opening.name} "
+                f"{span_text(min_m, max_m)}, which overlap",
                 remedy="Move one of them.",
             )
             for other in overlapped
@@ -124,8 +124,8 @@ def place_openings(
         moves_m = zip((*each.spec.min_m, *each.spec.max_m), (*min_m, *max_m), strict=True)
         if max(abs(before_m - after_m) for before_m, after_m in moves_m) > _ON_FACE_M:
             notices.append(
-                f"The {each.name} {_span_text(each.spec.min_m, each.spec.max_m)} is taken as "
-                f"{_span_text(min_m, max_m)}, which is whole cells of {grid.cell_m:g} m."
+                f"The {each.name} {span_text(each.spec.min_m, each.spec.max_m)} is taken as "
+                f"{span_text(min_m, max_m)}, which is whole cells of {grid.cell_m:g} m."
             )
     return tuple(placed), problems, tuple(notices)
 
@@ -172,7 +172,7 @@ def cells_at(opening: Opening, grid: Grid) -> Cells:
     """Return the layer of cells, one deep, at an opening on a face of the room."""
     face = find_face(opening, grid)
     if face is None:
-        span = _span_text(opening.min_m, opening.max_m)
+        span = span_text(opening.min_m, opening.max_m)
         raise ValueError(f"opening {opening.name} is on no face of the grid: {span}")
     slices: list[slice] = []
     for axis in range(3):
@@ -274,9 +274,8 @@ def _find_place_problems(wanted: WantedOpening, grid: Grid, face: Face | None) -
         return [
             Problem(
                 where=wanted.path,
-                expected="a rectangle flat on one face of the room, "
-                f"which reaches from {point_text(low_m)} to {point_text(high_m)} m",
-                found=_span_text(min_m, max_m),
+                expected=f"a rectangle flat on one face of the room, which reaches from {span_text(low_m, high_m)}",
+                found=span_text(min_m, max_m),
                 remedy="Give min_m and max_m one coordinate in common, on the face, such as x = 0 in both.",
             )
         ]
@@ -289,10 +288,6 @@ def _find_place_problems(wanted: WantedOpening, grid: Grid, face: Face | None) -
         for axis in range(3)
         if axis != face.axis and (min_m[axis] < low_m[axis] - _ON_FACE_M or max_m[axis] > high_m[axis] + _ON_FACE_M)
     ]
-
-
-def _span_text(min_m: Vec3, max_m: Vec3) -> str:
-    return f"{point_text(min_m)} to {point_text(max_m)} m"
 
 
 def _grown(left: NDArray[np.bool_], i: int, j: int, k: int) -> Cells:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Cell, EnvironmentGeometry
 
 # A vehicle stays on the ground unless it can rise by this much, or to its search height [m].
 _MIN_CLIMB_M = 0.5
@@ -59,12 +59,10 @@ def _solid_layers(
 ) -> NDArray[np.int64]:
     first = max(0, math.ceil(low - _CELL_TOLERANCE))
     layers = room.occupancy[:, :, first : max(first, math.floor(high + _CELL_TOLERANCE))] == Cell.SOLID
-    x_gap_m, y_gap_m = (_gaps_m(room.grid, axis, place_m[axis]) for axis in (0, 1))
+    # Distances of the cells from the line; 0 for the one that holds it.
+    x_gap_m, y_gap_m = (
+        np.maximum(np.abs(room.grid.axis_centres_m(axis) - place_m[axis]) - room.grid.cell_m / 2, 0.0)
+        for axis in (0, 1)
+    )
     is_near = np.add.outer(x_gap_m**2, y_gap_m**2) < radius_m**2
     return first + np.flatnonzero(layers[is_near].any(axis=0))
-
-
-# Distances of the cells along an axis from a coordinate; 0 for the one that holds it.
-def _gaps_m(grid: Grid, axis: int, at_m: float) -> NDArray[np.float64]:
-    centres_m = grid.origin_m[axis] + (np.arange(grid.shape[axis]) + 0.5) * grid.cell_m
-    return np.maximum(np.abs(centres_m - at_m) - grid.cell_m / 2, 0.0)

@@ -18,12 +18,17 @@ from numpy.typing import NDArray
 from gslcosim.base.cell_kernels import is_step_free, keep_bends, label_parts
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
-from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
 # Lengths of steps in whole numbers, so that equal paths are equal to the bit: 2^32 to the edge of a cell.
 _ONE = 1 << 32
 _STEP = (0, _ONE, round(math.sqrt(2.0) * _ONE), round(math.sqrt(3.0) * _ONE))
 _BLOCKED = 1
+_ANY_PART = 0
+# Least number of samples of a path per cell.
+_LOOKS_PER_CELL = 4
+# Clearance of a vehicle from obstacles beyond its radius, for errors of its control [m].
+MARGIN_M = 0.05
 
 
 @numba.njit(cache=True, nogil=True)
@@ -237,13 +242,6 @@ def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples
     return True
 
 
-_ANY_PART = 0
-# Least number of samples of a path per cell.
-_LOOKS_PER_CELL = 4
-# Clearance of a vehicle from obstacles beyond its radius, for errors of its control [m].
-MARGIN_M = 0.05
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FreeSpace:
     """Free space for the centre of a vehicle: every point of a free cell keeps the clearance from all solids.
@@ -280,7 +278,10 @@ class FreeSpace:
         """
         place = (np.asarray(self.grid.origin_m), self.grid.cell_m, np.array(point_m, np.float64))
         node = int(nearest_cell(self.parts, part, self.solid, in_sight, *place))
-        return None if node < 0 else _centre_m(self.grid, np.array(np.unravel_index(node, self.grid.shape)))
+        if node < 0:
+            return None
+        x_m, y_m, z_m = self.grid.centres_of(np.array(np.unravel_index(node, self.grid.shape))).tolist()
+        return x_m, y_m, z_m
 
     def path(self, start_m: Vec3, goal_m: Vec3) -> NDArray[np.float64] | None:
         """Return a short path between two points in free cells as (n, 3) start, bends and goal, world frame [m].
@@ -293,7 +294,7 @@ class FreeSpace:
         if self.sees(start_m, goal_m):
             return ends_m
         cells = lattice_path(self.blocked, *self.grid.cell_of(ends_m))
-        points_m = np.asarray(self.grid.origin_m) + (cells + 0.5) * self.grid.cell_m
+        points_m = self.grid.centres_of(cells)
         points_m[0], points_m[-1] = ends_m
         return _shorten_path(points_m, self.blocked, np.asarray(self.grid.origin_m), self.grid.cell_m)
 
@@ -337,7 +338,11 @@ def free_space(
     grid, clearance_m = environment.grid, radius_m + margin_m
     solid = (environment.occupancy == Cell.SOLID).astype(np.uint8)
     blocked = solid.copy()
-    boxes = [box for box in environment.boxes if _is_in_the_way(box, ground_m)]
+    boxes = [
+        box
+        for box in environment.boxes
+        if box.kind not in ("floor", "ceiling") and (ground_m is None or box.max_m[2] > ground_m + 1e-6)
+    ]
     lows_m, highs_m = (np.array([getattr(box, end) for box in boxes]).reshape(-1, 3) for end in ("min_m", "max_m"))
     block_near_boxes_inplace(blocked, lows_m, highs_m, np.asarray(grid.origin_m), grid.cell_m, clearance_m)
     n_side, n_height = math.ceil(clearance_m / grid.cell_m - 1e-6), math.ceil(radius_m / grid.cell_m - 0.5 - 1e-6)
@@ -357,12 +362,3 @@ def warm_up_planner() -> None:
     space.path((0.5, 0.5, 0.5), (2.5, 0.5, 0.5))
     space.nearest_m((1.5, 0.5, 0.5), in_sight=True)
     space.holds_curve(np.zeros((3, 6)), 1.0, max_speed_m_s=1.0)
-
-
-def _is_in_the_way(box: Box, ground_m: float | None) -> bool:
-    return box.kind not in ("floor", "ceiling") and (ground_m is None or box.max_m[2] > ground_m + 1e-6)
-
-
-def _centre_m(grid: Grid, cell: NDArray[np.int64]) -> Vec3:
-    x_m, y_m, z_m = (np.asarray(grid.origin_m) + (cell + 0.5) * grid.cell_m).tolist()
-    return x_m, y_m, z_m

@@ -11,6 +11,7 @@ its motion. Both have only the rule for a step between cells in common.
 
 import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,6 +25,11 @@ from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
 _BLOCKED = 1
+_MAX_TIGHTENING_ROUNDS = 200
+# Step at which tightening ends, in cells.
+_SMALLEST_STEP = 1e-4
+
+Sees = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -135,11 +141,6 @@ def _points_back_to_start(node, parent, ends, shape, origin_m, cell_m):
     return np.array(points[::-1])
 
 
-_MAX_TIGHTENING_ROUNDS = 200
-# Step at which tightening ends, in cells.
-_SMALLEST_STEP = 1e-4
-
-
 @dataclass(frozen=True, kw_only=True)
 class Layer:
     """One layer of a room's cells, for a vehicle of constant height."""
@@ -192,15 +193,23 @@ def shortest_path(
     if not (environment.occupancy == Cell.SOLID).any():
         return straight
     blocked = _blocked(environment, start, goal, clearance_m)
-    if _sees(blocked, environment.grid, straight[0], straight[1]):
+    origin_m, cell_m = environment.grid.origin_m, environment.grid.cell_m
+
+    def sees(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+        return bool(is_line_of_sight_free(blocked, origin_m, cell_m, a[0], a[1], a[2], b[0], b[1], b[2]))
+
+    if sees(straight[0], straight[1]):
         return straight
-    points_m = any_angle_path(
-        blocked, np.asarray(environment.grid.origin_m), environment.grid.cell_m, start, goal, float(within_m)
-    )
+    points_m = any_angle_path(blocked, np.asarray(origin_m), cell_m, start, goal, float(within_m))
     if not len(points_m):
         return None
-    tightened_m = _tightened(_cut_short(points_m, goal, within_m), blocked, environment.grid)
-    return _tightened(_aimed(tightened_m, goal, within_m, blocked, environment.grid), blocked, environment.grid)
+    tightened_m = _tightened(_cut_short(points_m, goal, within_m), cell_m, sees)
+    # The last leg turns straight to the goal, where its new end is in sight.
+    offset = tightened_m[-2] - goal
+    end = goal + offset * (within_m / float(np.linalg.norm(offset)))
+    if sees(tightened_m[-2], end):
+        tightened_m = np.concatenate([tightened_m[:-1], [end]])
+    return _tightened(tightened_m, cell_m, sees)
 
 
 def shortest_level_path_m(
@@ -312,10 +321,6 @@ def _is_air(environment: Places, point: NDArray[np.float64]) -> bool:
     return bool(environment.grid.contains_cell(cell)) and environment.occupancy[tuple(cell)] != Cell.SOLID
 
 
-def _sees(blocked: NDArray[np.uint8], grid: Grid, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    return bool(is_line_of_sight_free(blocked, grid.origin_m, grid.cell_m, a[0], a[1], a[2], b[0], b[1], b[2]))
-
-
 # Ends the path at its first point within a distance of the goal.
 def _cut_short(points_m: NDArray[np.float64], goal: NDArray[np.float64], within_m: float) -> NDArray[np.float64]:
     for i in range(1, len(points_m)):
@@ -330,44 +335,30 @@ def _cut_short(points_m: NDArray[np.float64], goal: NDArray[np.float64], within_
     return points_m
 
 
-# Turns the last leg straight to the goal, where its new end is in sight.
-def _aimed(
-    points_m: NDArray[np.float64], goal: NDArray[np.float64], within_m: float, blocked: NDArray[np.uint8], grid: Grid
-) -> NDArray[np.float64]:
-    offset = points_m[-2] - goal
-    end = goal + offset * (within_m / float(np.linalg.norm(offset)))
-    return np.concatenate([points_m[:-1], [end]]) if _sees(blocked, grid, points_m[-2], end) else points_m
-
-
 # Moves each bend along the axes in ever smaller steps, as long as that shortens the path and both legs stay free, and
 # drops unnecessary bends. Along the axes, because solids are cells: a bend then slides along their faces and edges
 # instead of sticking to them.
-def _tightened(points_m: NDArray[np.float64], blocked: NDArray[np.uint8], grid: Grid) -> NDArray[np.float64]:
+def _tightened(points_m: NDArray[np.float64], cell_m: float, sees: Sees) -> NDArray[np.float64]:
     points = list(points_m)
-    step_m = grid.cell_m / 2
+    step_m = cell_m / 2
     for _ in range(_MAX_TIGHTENING_ROUNDS):
         has_moved = False
         for i in range(len(points) - 2, 0, -1):
-            if _sees(blocked, grid, points[i - 1], points[i + 1]):
+            if sees(points[i - 1], points[i + 1]):
                 del points[i]
                 continue
-            better = _better_bend(points[i - 1], points[i], points[i + 1], step_m, blocked, grid)
+            better = _better_bend(points[i - 1], points[i], points[i + 1], step_m, sees)
             has_moved |= better is not points[i]
             points[i] = better
         if not has_moved:
             step_m /= 2
-        if step_m < _SMALLEST_STEP * grid.cell_m:
+        if step_m < _SMALLEST_STEP * cell_m:
             break
     return np.stack(points)
 
 
 def _better_bend(
-    before: NDArray[np.float64],
-    bend: NDArray[np.float64],
-    after: NDArray[np.float64],
-    step_m: float,
-    blocked: NDArray[np.uint8],
-    grid: Grid,
+    before: NDArray[np.float64], bend: NDArray[np.float64], after: NDArray[np.float64], step_m: float, sees: Sees
 ) -> NDArray[np.float64]:
     best, best_m = bend, _length_m(before, bend, after)
     for axis in range(3):
@@ -375,11 +366,7 @@ def _better_bend(
             candidate = bend.copy()
             candidate[axis] += sign * step_m
             candidate_m = _length_m(before, candidate, after)
-            if (
-                candidate_m < best_m
-                and _sees(blocked, grid, before, candidate)
-                and _sees(blocked, grid, candidate, after)
-            ):
+            if candidate_m < best_m and sees(before, candidate) and sees(candidate, after):
                 best, best_m = candidate, candidate_m
     return best
 
