@@ -1,7 +1,8 @@
 """Variants of an environment during a run: doors that open and close, and winds that events bring."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.participant import Inbox
-from gslcosim.contract.record import Message
 from gslcosim.environment.model import (
     OWN_WIND,
     Box,
@@ -20,22 +20,21 @@ from gslcosim.environment.model import (
     Environment,
     EnvironmentGeometry,
     EnvironmentVariant,
-    point_text,
+    freeze_array,
+    span_text,
 )
 from gslcosim.environment.openings import cells_at, voxelize
 from gslcosim.scenario.models.events import DoorClosesSpec, DoorOpensSpec, EventSpec, WindChangesSpec
 from gslcosim.scenario.models.geometry import DoorSpec
 from gslcosim.scenario.models.scenario import Scenario, find_due_events
 
+DOORS_PATH = "environment.doors"
 DOOR_RGBA = (0.55, 0.36, 0.20, 1.0)
 
 
 def door_box(door: DoorSpec) -> Box:
     """Return the box of a closed door."""
     return Box(name=door.name, kind="obstacle", min_m=door.min_m, max_m=door.max_m, rgba=DOOR_RGBA)
-
-
-DOORS_PATH = "environment.doors"
 
 
 def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> EnvironmentGeometry:
@@ -112,11 +111,12 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     from gslcosim.environment.grid_kernels import find_reachable_cells  # compiles, and most rooms have no doors
 
     is_reached = find_reachable_cells(is_air, inlets, room.grid)
+    closed = ", ".join(box.name for box in room.boxes if box.rgba == DOOR_RGBA)
     return [
         Problem(
             where=path,
             expected=f"a way for the air from the inlet to the {opening.name}, whichever doors are closed",
-            found=f"none with {', '.join(_closed_in(room))} closed",
+            found=f"none with {closed} closed",
             remedy="Move the door, or add openings to environment.layout.",
         )
         for opening in room.openings
@@ -124,19 +124,15 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     ]
 
 
-def _closed_in(room: EnvironmentGeometry) -> list[str]:
-    return [box.name for box in room.boxes if box.rgba == DOOR_RGBA]
-
-
 def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> Problem | None:
     low_m, high_m = room.grid.origin_m, room.grid.max_m
-    corners = f"{point_text(door.min_m)} to {point_text(door.max_m)} m"
+    corners = span_text(door.min_m, door.max_m)
     if any(
         a < low - 1e-9 or b > high + 1e-9 for a, b, low, high in zip(door.min_m, door.max_m, low_m, high_m, strict=True)
     ):
         return Problem(
             where=path,
-            expected=f"a door inside the room, which reaches from {point_text(low_m)} to {point_text(high_m)} m",
+            expected=f"a door inside the room, which reaches from {span_text(low_m, high_m)}",
             found=corners,
             remedy="Move it, or cut it to the room.",
         )
@@ -181,7 +177,8 @@ def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
     mattering = [(i, event) for i, event in enumerate(scenario.events) if event.drives_wind]
     if all(event.at_s is not None for _, event in mattering):
         mattering.sort(key=lambda item: ticks_from_seconds(item[1].at_s or 0.0, scenario.tick_ns))
-        return list(dict.fromkeys(_one_after_another(first, mattering)))
+        each_after = accumulate(mattering, lambda variant, event: variant_after(variant, *event), initial=first)
+        return list(dict.fromkeys(each_after))
     found = {first: None}
     waiting = [first]
     while waiting:
@@ -215,21 +212,14 @@ def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scen
     return scenario.model_copy(update={"environment": environment, "wind": wind})
 
 
-def _one_after_another(
-    first: EnvironmentVariant, events: Iterable[tuple[int, EventSpec]]
-) -> Iterable[EnvironmentVariant]:
-    yield first
-    variant = first
-    for i, event in events:
-        variant = variant_after(variant, i, event)
-        yield variant
-
-
 class DynamicEnvironment:
     """The room of a scenario in its current variant.
 
     Each participant with an instance applies events to it, so that all of them switch in the same tick.
-    State: the closed doors, and the event that sets the inlet's wind.
+
+    Attributes:
+        rooms: Rooms by variant.
+        variant: Current variant, the only state.
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
@@ -239,41 +229,31 @@ class DynamicEnvironment:
         lacking = [each for each in later if each not in environment.later_rooms]
         if lacking:
             raise ModelError(f"environment: expected the room that events bring with {_text(lacking[0])}, found none.")
-        self._rooms = {self._first: environment, **{each: environment.later_rooms[each] for each in later}}
-        self._closed, self._i_wind = self._first.closed, OWN_WIND
-
-    @property
-    def variant(self) -> EnvironmentVariant:
-        """Current variant."""
-        return EnvironmentVariant(self._closed, self._i_wind)
+        self.rooms = {self._first: environment, **{each: environment.later_rooms[each] for each in later}}
+        self.variant = self._first
 
     @property
     def now(self) -> Environment:
         """Current room and wind."""
-        return self._rooms[self.variant]
-
-    @property
-    def rooms(self) -> dict[EnvironmentVariant, Environment]:
-        """Rooms by variant."""
-        return self._rooms
+        return self.rooms[self.variant]
 
     def by_doors(self) -> dict[Closed, Environment]:
         """Return a room of any wind for each set of closed doors, that at the start first."""
-        rooms = {self._first.closed: self._rooms[self._first]}
-        for variant, room in self._rooms.items():
+        rooms: dict[Closed, Environment] = {}
+        for variant, room in self.rooms.items():
             rooms.setdefault(variant.closed, room)
         return rooms
 
     def reset(self) -> None:
         """Return to the variant at the start of a run."""
-        self._closed, self._i_wind = self._first.closed, OWN_WIND
+        self.variant = self._first
 
     def obey(self, inbox: Inbox) -> bool:
         """Apply the events of this tick, and return whether a door has moved."""
-        closed = self._closed
+        closed = self.variant.closed
         for i, event in find_due_events(self._scenario, inbox):
-            self._closed, self._i_wind = variant_after(self.variant, i, event)
-        return self._closed != closed
+            self.variant = variant_after(self.variant, i, event)
+        return self.variant.closed != closed
 
 
 def _text(variant: EnvironmentVariant) -> str:
@@ -298,54 +278,37 @@ class ScaledWind:
         """Start with the room's own wind."""
         self._scenario = scenario
         self.room = DynamicEnvironment(environment, scenario)
-        self._frames = {key: _read_only(room.wind.velocity_m_s) for key, room in self.room.rooms.items()}
+        self._frames = {
+            variant: freeze_array(np.asarray(room.wind.velocity_m_s).view())
+            for variant, room in self.room.rooms.items()
+        }
         self._share = self._event_share = 1.0
-        self._scaled: NDArray[np.float32] | None = None
-        self._scaled_frame = -1
+        self._scaled: tuple[EnvironmentVariant, int, float] | None = None
+        self._scaled_m_s = np.zeros(0, np.float32)
 
     def reset(self) -> None:
         """Return to the room's own wind."""
         self.room.reset()
-        self._event_share, self._scaled_frame = 1.0, -1
-        self.set_share(1.0)
-
-    def set_share(self, share: float) -> None:
-        """Set the factor of a service [1]."""
-        if share != self._share:
-            self._share, self._scaled_frame = share, -1
-
-    def take(self, message: Message | None) -> None:
-        """Apply the message of a service on `truth/wind`, if there is one."""
-        if isinstance(message, WindShare):
-            self.set_share(message.share)
+        self._share = self._event_share = 1.0
 
     def obey(self, inbox: Inbox) -> bool:
         """Apply the service's message and the events of this tick, and return whether a door has moved."""
-        self.take(inbox.get(WIND))
+        message = inbox.get(WIND)
+        if isinstance(message, WindShare):
+            self._share = message.share
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, WindChangesSpec):
-                self._event_share, self._scaled_frame = event.share, -1
-        before = self.room.variant
-        has_moved = self.room.obey(inbox)
-        if self.room.variant != before:
-            self._scaled_frame = -1
-        return has_moved
+                self._event_share = event.share
+        return self.room.obey(inbox)
 
     def at(self, time_s: float) -> NDArray[np.float32]:
         """Return the wind at a time [s], (nx, ny, nz, 3), cell centres, world frame [m/s]."""
+        variant, share = self.room.variant, self._share * self._event_share
         i_frame = self.room.now.wind.frame_at(time_s)
-        frames, share = self._frames[self.room.variant], self._share * self._event_share
+        frame_m_s = self._frames[variant][i_frame]
         if share == 1.0:
-            return frames[i_frame]
-        scaled = self._scaled
-        if scaled is None or i_frame != self._scaled_frame:
-            scaled = np.asarray(frames[i_frame] * np.float32(share), np.float32)
-            scaled.flags.writeable = False
-            self._scaled, self._scaled_frame = scaled, i_frame
-        return scaled
-
-
-def _read_only(velocity_m_s: NDArray[np.float32]) -> NDArray[np.float32]:
-    frames = np.asarray(velocity_m_s).view()
-    frames.flags.writeable = False
-    return frames
+            return frame_m_s
+        if self._scaled != (variant, i_frame, share):
+            self._scaled = (variant, i_frame, share)
+            self._scaled_m_s = freeze_array(np.asarray(frame_m_s * np.float32(share), np.float32))
+        return self._scaled_m_s
