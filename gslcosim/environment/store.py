@@ -33,7 +33,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gslcosim.base.checksums import CHECKSUMS_FILE, check_files, write_checksums
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.untrusted_input import MalformedFileError, describe_validation_errors
 from gslcosim.environment.model import (
     Box,
@@ -44,6 +43,7 @@ from gslcosim.environment.model import (
     Opening,
     WindFrames,
     content_hash,
+    freeze_array,
 )
 from gslcosim.environment.visual_meshes import encode_glb, load_visual_meshes
 
@@ -55,13 +55,7 @@ K_EPSILON_FILE: Final = "k_epsilon.npy"
 MESHES_FILE: Final = "visual.glb"
 EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "k_epsilon.npy", "visual.glb"]
 """Name of a file that is part of an environment; other files are for people and other programs."""
-ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (
-    HEADER_FILE,
-    OCCUPANCY_FILE,
-    WIND_FILE,
-    K_EPSILON_FILE,
-    MESHES_FILE,
-)
+ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, K_EPSILON_FILE, MESHES_FILE)
 REQUIRED_FILES: frozenset[EnvironmentFile] = frozenset({HEADER_FILE, OCCUPANCY_FILE, WIND_FILE})
 SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
@@ -106,33 +100,6 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
 
-class _GridPart(_Part):
-    origin_m: Vec3
-    cell_m: float = Field(gt=0)
-    shape: tuple[int, int, int]
-
-
-class _BoxPart(_Part):
-    name: str
-    kind: Literal["wall", "floor", "ceiling", "obstacle"]
-    min_m: Vec3
-    max_m: Vec3
-    rgba: tuple[float, float, float, float]
-
-
-class _OpeningPart(_Part):
-    name: str
-    kind: Literal["inlet", "outlet", "open"]
-    min_m: Vec3
-    max_m: Vec3
-    velocity_m_s: Vec3
-
-
-class _LightPart(_Part):
-    name: str
-    position_m: Vec3
-
-
 class _WindPart(_Part):
     period_s: float = Field(gt=0)
     is_looping: bool
@@ -143,11 +110,11 @@ class _Header(_Part):
     format: str
     name: str
     content_hash: str
-    grid: _GridPart
+    grid: Grid
     wind: _WindPart
-    boxes: tuple[_BoxPart, ...]
-    openings: tuple[_OpeningPart, ...]
-    lights: tuple[_LightPart, ...] = ()
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    lights: tuple[Light, ...] = ()
     meshes: tuple[str, ...] = ()
 
 
@@ -206,22 +173,26 @@ def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
     with contextlib.suppress(MalformedFileError):
         is_ours = check_files(folder, *ENVIRONMENT_FILES)
     header = _load_header(folder)
-    grid = Grid(**header.grid.model_dump())
+    grid = header.grid
     has_meshes = bool(header.meshes) and (with_meshes or not is_ours)
+    occupancy = _load_occupancy(folder / OCCUPANCY_FILE, grid)
+    velocity_m_s = _load_array(folder / WIND_FILE, np.dtype("<f4"), (None, *grid.shape, 3))
+    if not is_ours:  # files with the signature of this cache were finite when they were saved
+        _check_finite(velocity_m_s, folder / WIND_FILE)
     environment = Environment(
         name=header.name,
         grid=grid,
-        occupancy=_load_occupancy(folder / OCCUPANCY_FILE, grid),
+        occupancy=occupancy,
         wind=WindFrames(
-            velocity_m_s=_load_wind(folder / WIND_FILE, grid, is_finite=is_ours),
+            velocity_m_s=velocity_m_s,
             period_s=header.wind.period_s,
             is_looping=header.wind.is_looping,
             k_epsilon=_load_k_epsilon(folder / K_EPSILON_FILE, grid) if header.wind.has_k_epsilon else None,
         ),
-        boxes=tuple(Box(**box.model_dump()) for box in header.boxes),
-        openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
+        boxes=header.boxes,
+        openings=header.openings,
         content_hash=header.content_hash,
-        lights=tuple(Light(**light.model_dump()) for light in header.lights),
+        lights=header.lights,
         meshes=load_visual_meshes(folder / MESHES_FILE, header.meshes) if has_meshes else (),
     )
     if is_ours:
@@ -323,10 +294,10 @@ def _load_header(folder: Path) -> _Header:
         values = yaml.load(text, Loader=_YAML_LOADER)
     # Numbers of thousands of digits, impossible dates and empty numbers (`!!int ""`) raise no YAMLError.
     except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
-        raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
+        raise data_error(path, "YAML", str(error)) from error
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__
-        raise EnvironmentDataError(f"{HEADER_FILE}: expected format: {FORMAT}, was {found}.\nFile: {path}")
+        raise data_error(path, f"format: {FORMAT}", found)
     try:
         return _Header.model_validate(values)
     except ValidationError as error:
@@ -347,25 +318,15 @@ def _load_occupancy(path: Path, grid: Grid) -> NDArray[np.uint8]:
     occupancy = _load_array(path, np.dtype(np.uint8), grid.shape)
     if occupancy.max(initial=0) > max(Cell):
         codes = ", ".join(f"{cell.value} {cell.name.lower()}" for cell in Cell)
-        raise EnvironmentDataError(f"{path.name}: expected {codes}, was {occupancy.max()}.\nFile: {path}")
+        raise data_error(path, codes, str(occupancy.max()))
     return occupancy
-
-
-# Files with the signature of this cache were finite when they were saved.
-def _load_wind(path: Path, grid: Grid, *, is_finite: bool) -> NDArray[np.float32]:
-    velocity_m_s = _load_array(path, np.dtype("<f4"), (None, *grid.shape, 3))
-    if not is_finite:
-        _check_finite(velocity_m_s, path)
-    return velocity_m_s
 
 
 def _load_k_epsilon(path: Path, grid: Grid) -> NDArray[np.float32]:
     k_epsilon = _load_array(path, np.dtype("<f4"), (*grid.shape, 2))
     # A comparison with NaN is false.
     if not bool(((k_epsilon >= 0) & (k_epsilon < np.inf)).all()):
-        raise EnvironmentDataError(
-            f"{path.name}: expected finite values of at least 0, was something else.\nFile: {path}"
-        )
+        raise data_error(path, "finite values of at least 0", "something else")
     return k_epsilon
 
 
@@ -374,14 +335,8 @@ def _load_array(path: Path, dtype: np.dtype[Any], shape: tuple[int | None, ...])
     is_shape = array.ndim == len(shape) and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
     if not is_shape or array.dtype != dtype or array.shape[0] == 0:
         want = f"{dtype.name} ({', '.join('t >= 1' if n is None else str(n) for n in shape)})"
-        raise EnvironmentDataError(
-            f"{path.name}: expected {want}, as in the grid of {HEADER_FILE}, was {array.dtype.name} {array.shape}."
-            f"\nFile: {path}"
-        )
-    if not array.flags.c_contiguous:
-        array = np.ascontiguousarray(array)
-        array.setflags(write=False)
-    return array
+        raise data_error(path, f"{want}, as in the grid of {HEADER_FILE}", f"{array.dtype.name} {array.shape}")
+    return array if array.flags.c_contiguous else freeze_array(np.ascontiguousarray(array))
 
 
 # The sum of squares of a frame is finite exactly when all its values are (winds are far below 1e19 m/s), and takes one
@@ -394,6 +349,4 @@ def _check_finite(velocity_m_s: NDArray[np.float32], path: Path) -> None:
         if not is_finite:
             bad = np.argwhere(~np.isfinite(frame))
             found = f"{len(bad)} that are not, the first at {tuple(bad[0].tolist())}" if len(bad) else "above 1e19 m/s"
-            raise EnvironmentDataError(
-                f"{path.name}: expected finite velocities, was {found} of frame {i}.\nFile: {path}"
-            )
+            raise data_error(path, "finite velocities", f"{found} of frame {i}")
