@@ -7,13 +7,7 @@ import numpy as np
 
 from gslcosim.base.problems import Problem
 from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
-from gslcosim.environment.model import (
-    Environment,
-    EnvironmentGeometry,
-    WindFrames,
-    raise_if_any,
-    with_wind,
-)
+from gslcosim.environment.model import Environment, EnvironmentGeometry, WindFrames, raise_if_any, with_wind
 from gslcosim.environment.readers import find_missing_readers, find_room_reader
 from gslcosim.environment.variants import (
     DOORS_PATH,
@@ -64,19 +58,14 @@ def _room_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: P
 
 def find_source_problems(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
     """Return all problems of building or reading a room, with the places in the scenario."""
-    problems = _problems_without_doors(spec, wind, scenario_dir)
+    problems = find_missing_readers(spec, wind)
+    if not problems and spec.layout is not None:
+        problems = find_room_problems(spec.layout, wind)
+    elif not problems:
+        problems = find_room_reader(spec).find_problems(spec, wind, scenario_dir)
     if problems or not spec.doors:
         return problems
-    room = _room_without_doors(spec, wind, scenario_dir)
-    return _problems_with_doors(room, spec)
-
-
-def _problems_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> list[Problem]:
-    if missing := find_missing_readers(spec, wind):
-        return missing
-    if spec.layout is not None:
-        return find_room_problems(spec.layout, wind)
-    return find_room_reader(spec).find_problems(spec, wind, scenario_dir)
+    return _problems_with_doors(_room_without_doors(spec, wind, scenario_dir), spec)
 
 
 def build_still_environment(scenario: Scenario, *, scenario_dir: Path) -> Environment:

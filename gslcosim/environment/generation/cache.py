@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # Keys that have no effect on a wind that is not solved.
 _OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
 _BLOCK = 1 << 20
+_log = logging.getLogger(__name__)
 
 
 def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> str:
@@ -54,7 +55,6 @@ def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir:
     for package in packages:
         digest.update(_package_hash(package).encode())
     for path in _files_read(environment, wind, scenario_dir):
-        digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
 
@@ -105,31 +105,25 @@ def _package_hash(name: str) -> str:
     if not folders and module.__file__ is not None:
         paths = [Path(module.__file__)]
     for path in paths:
-        digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
 
 
 def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
     for text in (*environment.inputs, *([] if wind.file is None else [wind.file])):
-        yield from _files_in((scenario_dir or Path()) / Path(text).expanduser())
-
-
-# Gas frames have no effect on the wind, and make up most of an imported folder.
-def _files_in(place: Path) -> Iterator[Path]:
-    if place.is_file():
-        yield place
-        return
-    yield from (path for path in list_files(place) if not path.name.startswith("iteration_"))
+        place = (scenario_dir or Path()) / Path(text).expanduser()
+        if place.is_file():
+            yield place
+        else:
+            # Gas frames have no effect on the wind, and make up most of an imported folder.
+            yield from (path for path in list_files(place) if not path.name.startswith("iteration_"))
 
 
 def _update_with(digest: Any, path: Path) -> None:
+    digest.update(path.name.encode())
     with path.open("rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
-
-
-_log = logging.getLogger(__name__)
 
 
 def prepare_environment(
@@ -155,7 +149,12 @@ def prepare_environment(
     if spec.path is not None:
         from gslcosim.environment.geometry_source import find_folder
 
-        return _checked_folder(find_folder(spec, scenario_dir))
+        folder = find_folder(spec, scenario_dir)
+        try:
+            load_environment(folder)
+        except EnvironmentDataError as error:
+            raise EnvironmentDataError(f"environment.path: {error}") from error
+        return folder
     folder = _folder_in_cache(scenario, scenario_dir, cache_dir)
     mark_used(folder)
     if not _is_usable(folder):
@@ -188,14 +187,6 @@ def find_environment(scenario: Scenario, *, scenario_dir: Path | None = None) ->
         mark_used(folder)
         return load_environment(folder) if folder.exists() else None
     return None
-
-
-def _checked_folder(folder: Path) -> Path:
-    try:
-        load_environment(folder)
-    except EnvironmentDataError as error:
-        raise EnvironmentDataError(f"environment.path: {error}") from error
-    return folder
 
 
 def _folder_in_cache(scenario: Scenario, scenario_dir: Path | None, cache_dir: Path | None) -> Path:

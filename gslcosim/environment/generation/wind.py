@@ -19,9 +19,11 @@ from gslcosim.environment.readers import FOREIGN_WINDS, Progress, find_room_read
 from gslcosim.environment.readers import WindSetup as WindSetup
 from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.scenario.models.scenario import EnvironmentSpec
-from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
+from gslcosim.scenario.models.wind import BuoyancySpec, SolverSpec, WindSpec
 
 _log = logging.getLogger(__name__)
+# Warm air at constant pressure, 20 degC: W to K m3/s.
+_AIR_HEAT_J_M3_K = 1.204 * 1006.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +73,9 @@ def solve_wind_of_scenario(
 def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
     room, folder_key = setup.room, setup.environment.folder_key
     if wind.solver == "uniform":
-        return SolvedWind(frames=_uniform(room, wind))
+        velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
+        velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
+        return SolvedWind(frames=WindFrames(velocity_m_s=velocity_m_s))
     if wind.kind_name in FOREIGN_WINDS or (folder_key is not None and wind.solver in ("auto", "stored")):
         stored = read_stored_wind(wind, setup)
         if stored is not None:
@@ -95,10 +99,6 @@ def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch
     return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
 
 
-# Warm air at constant pressure, 20 degC: W to K m3/s.
-_AIR_HEAT_J_M3_K = 1.204 * 1006.0
-
-
 def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> BuoyantScalar | None:
     """Return the solver's scalar for the gas or heat that drives a room's wind; None without.
 
@@ -107,7 +107,6 @@ def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> Buoy
     if spec is None:
         return None
     grid = room.grid
-    is_gas = spec.kind == "gas"
     releases = [
         Release(
             position_m=_from_origin(each.position_m, grid),
@@ -121,13 +120,13 @@ def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> Buoy
         Orifice(centre_m=_from_origin(each.centre_m, grid), height_m=each.height_m, area_m2=each.area_m2)
         for each in spec.orifices
     ]
+    if spec.kind == "gas":
+        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
+        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     walls = [
         FixedWall(min_m=_from_origin(each.min_m, grid), max_m=_from_origin(each.max_m, grid), value=each.above_air_k)
         for each in spec.walls
     ]
-    if is_gas:
-        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
-        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
 
 
@@ -135,38 +134,24 @@ def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
     min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
     if opening.kind != "inlet":
         return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
-    is_parabolic = wind.inlet_profile == "parabolic"
-    return flow.Inlet(
-        min_m=min_m,
-        max_m=max_m,
-        velocity_m_s=_parabolic(opening, grid) if is_parabolic else opening.velocity_m_s,
-        factor=_schedule(wind.inlet_schedule),
-    )
-
-
-def _schedule(spec: InletScheduleSpec | None) -> flow.Schedule | None:
-    if spec is None:
-        return None
-    return flow.Schedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
+    velocity_m_s = _parabolic(opening, grid) if wind.inlet_profile == "parabolic" else opening.velocity_m_s
+    factor = None
+    if (schedule := wind.inlet_schedule) is not None:
+        factor = flow.Schedule(times_s=schedule.times_s, values=schedule.shares, is_repeating=schedule.repeats)
+    return flow.Inlet(min_m=min_m, max_m=max_m, velocity_m_s=velocity_m_s, factor=factor)
 
 
 # Along both sides of the opening; its mean over the opening's cells is the opening's velocity.
 def _parabolic(opening: Opening, grid: Grid) -> NDArray[np.float64]:
     sides_m = [high - low for low, high in zip(opening.min_m, opening.max_m, strict=True)]
-    shares = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
-    bulge = np.multiply.outer(*(share * (1.0 - share) for share in shares))
+    places = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
+    bulge = np.multiply.outer(*(place * (1.0 - place) for place in places))
     return np.multiply.outer(bulge / bulge.mean(), np.asarray(opening.velocity_m_s))
 
 
 def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:
     x, y, z = (round(p - o, 9) for p, o in zip(point_m, grid.origin_m, strict=True))
     return x, y, z
-
-
-def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
-    velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
-    velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
-    return WindFrames(velocity_m_s=velocity_m_s)
 
 
 def read_stored_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind | None:
