@@ -138,15 +138,13 @@ class PlanPainter:
         return left, upper, left + width, upper + height
 
 
-def top_view_png(environment: Environment, *, sources_m: Sequence[Vec3] = (), height_m: float | None = None) -> bytes:
+def top_view_png(environment: Environment, *, sources_m: Sequence[Vec3] = ()) -> bytes:
     """Return a PNG of an environment from above, x to the right and y up.
 
-    Solids are the brighter the higher they are; arrows are the wind at `height_m`, by default at the first source's
-    height or at 2 m; blue and violet bars with arrows are inlets and outlets, red dots are sources.
+    Solids are the brighter the higher they are; arrows are the wind at the first source's height, or at 2 m; blue and
+    violet bars with arrows are inlets and outlets, red dots are sources.
     """
-    if height_m is None:
-        height_m = sources_m[0][2] if sources_m else 2.0
-    plan = PlanView.of(environment, height_m)
+    plan = PlanView.of(environment, sources_m[0][2] if sources_m else 2.0)
     painter = PlanPainter(plan, PixelScale.for_long_side(plan, LONG_SIDE_PX, MARGIN_PX), PAPER)
     painter.floor(FLOOR)
     for box in sorted(environment.boxes, key=lambda box: box.max_m[2]):

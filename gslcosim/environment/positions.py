@@ -12,7 +12,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
+from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text, span_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import door_box, find_variants, variant_scenarios
@@ -24,7 +24,10 @@ from gslcosim.scenario.models.scenario import AgentSpec, EnvironmentSpec, Scenar
 MAX_VARIANTS = 16
 # Height above the floor of the bundled scenarios' starts [m].
 START_HEIGHT_M = 0.2
+# Heights of random sources above the floor, where there is air between them [m].
+SOURCE_HEIGHTS_M = (0.5, 3.0)
 N_TRIES = 10_000
+_IN_AIR = "a point in the room's air"
 
 
 def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
@@ -74,14 +77,9 @@ def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> 
     problems += find_moving_door_problems(scenario, room)
     for i, agent in enumerate(scenario.agents):
         path = f"agents[{i}].vehicle"
-        problems += [
-            problem
-            for problem in (
-                _problem_of_height(agent.vehicle, room, f"{path}.search_height_m"),
-                _problem_of_start(agent.vehicle, room, f"{path}.start_m"),
-            )
-            if problem
-        ]
+        height_problem = _problem_of_height(agent.vehicle, room, f"{path}.search_height_m")
+        start_problem = _problem_of_start(agent.vehicle, room, f"{path}.start_m")
+        problems += [problem for problem in (height_problem, start_problem) if problem]
     return problems + _problems_of_neighbours(scenario.agents)
 
 
@@ -97,12 +95,12 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> 
     A door may not close on a vehicle's start, a source or a probe, and events may not need more than `MAX_VARIANTS`
     rooms.
     """
-    n_situations = len(find_variants(scenario))
-    if n_situations > MAX_VARIANTS:
+    n_variants = len(find_variants(scenario))
+    if n_variants > MAX_VARIANTS:
         yield Problem(
             where="events",
             expected=f"at most {MAX_VARIANTS} combinations of closed doors and inlets, each of which is a room",
-            found=f"{n_situations}",
+            found=f"{n_variants}",
             remedy="Give the events of doors and wind times (at_s): then only those that follow each other count.",
         )
     doors = {door.name: door_box(door) for door in scenario.environment.doors}
@@ -177,22 +175,20 @@ def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry) -> Vec3 | 
     return None
 
 
-def random_free_point_m(
-    room: EnvironmentGeometry, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
-) -> Vec3:
-    """Return a point of the air, drawn evenly between two heights above the floor [m], for example for a source.
+def random_free_point_m(room: EnvironmentGeometry, rng: np.random.Generator) -> Vec3:
+    """Return a point for a source, drawn evenly from the air between `SOURCE_HEIGHTS_M` and a cell away from solids.
 
-    Points keep a cell away from solids, where such points exist.
+    Where there is none, any height will do, and at last any air.
     """
     grid = room.grid
     is_air = room.occupancy != Cell.SOLID
     height_m = grid.axis_centres_m(2) - grid.origin_m[2]
-    is_clear, is_between = _is_clear(is_air), (height_m >= heights_m[0]) & (height_m <= heights_m[1])
+    is_between = (height_m >= SOURCE_HEIGHTS_M[0]) & (height_m <= SOURCE_HEIGHTS_M[1])
+    is_clear = _is_clear(is_air)
     for is_wanted in (is_clear & is_between, is_clear, is_air):
         cells = np.argwhere(is_wanted)
         if len(cells):
-            point_m = (cells[int(rng.integers(len(cells)))] + 0.5) * grid.cell_m
-            return _rounded(np.asarray(grid.origin_m, dtype=np.float64) + point_m)
+            return _rounded(grid.centres_of(cells[int(rng.integers(len(cells)))]))
     raise EnvironmentDataError(f"{room.name}: expected air to put a source in, was none.")
 
 
@@ -201,9 +197,9 @@ def draw_positions(
 ) -> Mapping[str, Vec3]:
     """Return places for random positions, each from a random stream of its own; those without a place are missing.
 
-    Sources are between 0.5 and 3 m above the floor and a cell from solids, where such places exist; vehicles stand on
-    the floor with free space up to their search height, at least a metre from other places. The start of a vehicle with
-    `avoidance` has a path to the largest connected space.
+    Sources are at points of `random_free_point_m`; vehicles stand on the floor with free space up to their search
+    height, at least a metre from other places. The start of a vehicle with `avoidance` has a path to the largest
+    connected space.
 
     Args:
         spec: The scenario's environment block.
@@ -263,12 +259,8 @@ def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) ->
     if found is None:
         return None
     free_m = nearest_free_point_m(position_m, room)
-    return Problem(
-        where=path,
-        expected="a point in the room's air",
-        found=f"{point_text(position_m)}, {found}",
-        remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
-    )
+    remedy = f"Nearest free point: {point_text(free_m)}." if free_m else ""
+    return Problem(where=path, expected=_IN_AIR, found=f"{point_text(position_m)}, {found}", remedy=remedy)
 
 
 # Description of a point that is not air; None for air.
@@ -276,7 +268,7 @@ def _what_is_at(position_m: Vec3, room: EnvironmentGeometry) -> str | None:
     grid = room.grid
     cell = grid.cell_of(np.asarray(position_m))
     if not bool(grid.contains_cell(cell)):
-        return f"outside the room, which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
+        return f"outside the room, which reaches from {span_text(grid.origin_m, grid.max_m)}"
     # A box that does not hold its cell's centre is solid, but the cell is not.
     for box in room.boxes:
         if all(low <= p < high for low, p, high in zip(box.min_m, position_m, box.max_m, strict=True)):
@@ -303,7 +295,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: st
 
 
 def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
-    expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
+    expected, found = _IN_AIR, _what_is_at(vehicle.start_m, room)
     if found is None:
         hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
         if not hits:
@@ -314,12 +306,8 @@ def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str
         )
         found = f"{', '.join(hits)} in it"
     free_m = nearest_start_m(vehicle, room)
-    return Problem(
-        where=path,
-        expected=expected,
-        found=f"{point_text(vehicle.start_m)}, {found}",
-        remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
-    )
+    remedy = f"Nearest free start: {point_text(free_m)}." if free_m else ""
+    return Problem(where=path, expected=expected, found=f"{point_text(vehicle.start_m)}, {found}", remedy=remedy)
 
 
 def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
@@ -357,14 +345,9 @@ def _growing_surroundings(
             is_level or high[2] - low[2] == grid.shape[2]
         )
         reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
-        yield _air_centres_m(room, low, high), reach_m
+        window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        yield grid.centres_of(np.argwhere(room.occupancy[window] != Cell.SOLID) + low), reach_m
         reach *= 4
-
-
-def _air_centres_m(room: EnvironmentGeometry, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
-    return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
 
 
 # Air with six neighbours of air; the walls around the grid are solid.
@@ -419,15 +402,13 @@ class _EscapePath:
 
     # A vehicle too near to an obstacle moves to the nearest free place in sight, as during a run.
     def leads_from(self, start_m: Vec3) -> bool:
-        if not (self._vehicle.drives or self._rises_from(start_m)):
-            return False
+        if not self._vehicle.drives:
+            wanted_m = self._vehicle.search_height_m
+            to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
+            if not is_climb_sufficient(start_m[2], to_m, wanted_m):
+                return False
         place_m = self._free_cells.nearest_m((start_m[0], start_m[1], self._path_height_m), in_sight=True)
         return place_m is not None and self._free_cells.part_of(place_m) == self._largest
-
-    def _rises_from(self, start_m: Vec3) -> bool:
-        wanted_m = self._vehicle.search_height_m
-        to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
-        return is_climb_sufficient(start_m[2], to_m, wanted_m)
 
 
 def _rounded(point_m: Iterable[float]) -> Vec3:

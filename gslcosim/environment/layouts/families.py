@@ -22,6 +22,9 @@ from gslcosim.scenario.models.geometry import (
 
 Rgba = tuple[float, float, float, float]
 Point = tuple[float, float]
+Gap = tuple[float, float]
+Wall = tuple["Area", list[Gap]]
+Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
 
 WALL_RGBA: Rgba = (0.86, 0.86, 0.84, 1.0)
 STEEL_RGBA: Rgba = (0.16, 0.27, 0.55, 1.0)
@@ -76,6 +79,8 @@ PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
 PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
 # Clearance between items, and in front of openings.
 ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
+# Draws before a place is given up.
+N_TRIES = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,17 +95,17 @@ class Area:
         """Its sides along x and y [m]."""
         return self.max_m[0] - self.min_m[0], self.max_m[1] - self.min_m[1]
 
+    @property
+    def long_axis(self) -> int:
+        """Axis of the longer side: 0 is x, 1 is y."""
+        return 0 if self.size_m[0] >= self.size_m[1] else 1
+
     def is_apart_from(self, other: "Area", gap_m: float = 0.0) -> bool:
         """Return whether the two are at least a gap [m] apart, along x or along y."""
         return any(
             self.max_m[i] + gap_m <= other.min_m[i] + 1e-9 or other.max_m[i] + gap_m <= self.min_m[i] + 1e-9
             for i in range(2)
         )
-
-
-Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
-Gap = tuple[float, float]
-Wall = tuple[Area, list[Gap]]
 
 
 def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
@@ -128,7 +133,11 @@ def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -
     for i, kind in enumerate(kinds):
         number = i - kinds.index(kind)
         first = int(rng.integers(2))
-        corners, bounds = _turned_footprint(rng, kind)
+        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
+        if kind == "pile":
+            size_m = float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M))
+        corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
+        bounds = bounding_area(corners)
         for zone in (zones[first], zones[1 - first]):
             place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
             if place is not None:
@@ -148,14 +157,17 @@ def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
     solid_from_m = l_shape_from_m(layout)
     kept = [room for room in rooms if room.min_m[1] < y_m / 2 or room.min_m[0] < solid_from_m - 1e-9]
     walls = [wall for side in (0, 1) for wall in _corridor_walls(layout, side, rng)]
-    walls += [(_east_wall(room, layout.partition_m), []) for room in kept if room.max_m[0] < x_m - 1e-9]
+    inner = [room for room in kept if room.max_m[0] < x_m - 1e-9]
+    walls += [(_cut(room, 0, room.max_m[0] - layout.partition_m, room.max_m[0]), []) for room in inner]
     boxes = _walls(walls, z_m, layout.door_m[1])
     if solid_from_m < x_m:
         outside = Area(min_m=(solid_from_m, _corridor_sides_m(layout)[1]), max_m=(x_m, y_m))
         boxes.append(box_above("outside", outside, 0.0, z_m, CONCRETE_RGBA, is_wall=True))
     if layout.has_furniture:
-        doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
-        boxes += _desks(rng, kept, [*doors, *(area for area, _ in walls)], z_m)
+        name, size_m, height_m, rgba = DESK
+        taken = _floor_of(walls)
+        for i, room in enumerate(kept):
+            boxes += _furnish(rng, f"{name}_{i}", size_m, room, taken, min(height_m, z_m), rgba)
     return tuple(boxes)
 
 
@@ -174,7 +186,7 @@ def build_home(layout: HomeSpec) -> tuple[Box, ...]:
         walls.append(wall)
     boxes = _walls(walls, z_m, layout.door_m[1])
     if layout.has_furniture:
-        taken = [*(area for area, _ in walls), *(_before_gap(area, gap) for area, gaps in walls for gap in gaps)]
+        taken = _floor_of(walls)
         for i, room in enumerate(rooms):
             name, size_m, height_m, rgba = FURNITURE[int(rng.integers(len(FURNITURE)))]
             boxes += _furnish(rng, f"{name}_{i}", size_m, room, taken, min(height_m, z_m), rgba)
@@ -191,7 +203,7 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
         area = _wall_between(layout, room, axis)
         walls.append((area, [_gap_in(area, layout.passage_m, rng)] if is_open else []))
     boxes = _walls(walls, z_m, z_m)
-    taken = [*(area for area, _ in walls), *(_before_gap(area, gap) for area, gaps in walls for gap in gaps)]
+    taken = _floor_of(walls)
     floor = Area(min_m=(0.0, 0.0), max_m=layout.size_m[:2])
     for i in range(layout.n_clutter):
         side_m = float(rng.uniform(*CLUTTER_SIDE_M)), float(rng.uniform(*CLUTTER_SIDE_M))
@@ -253,7 +265,7 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
     scale = math.log((layout.reference_height_m + z0) / z0)
     layers: list[Opening] = []
     for k in range(low, high):
-        share = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
+        factor = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
         bottom_m, top_m = (round(grid.origin_m[2] + i * grid.cell_m, 9) for i in (k, k + 1))
         u_m_s, v_m_s, w_m_s = inlet.velocity_m_s
         layers.append(
@@ -262,7 +274,7 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
                 kind="inlet",
                 min_m=(inlet.min_m[0], inlet.min_m[1], bottom_m),
                 max_m=(inlet.max_m[0], inlet.max_m[1], top_m),
-                velocity_m_s=(u_m_s * share, v_m_s * share, w_m_s * share),
+                velocity_m_s=(u_m_s * factor, v_m_s * factor, w_m_s * factor),
             )
         )
     return tuple(layers)
@@ -357,7 +369,7 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
     boxes: list[Box] = []
     (x0, y0), (wide_m, deep_m) = area.min_m, area.size_m
     is_along_x = wide_m > deep_m
-    for i, share in enumerate(load):
+    for i, fill_frac in enumerate(load):
         level, bay = divmod(i, 2)
         bay_area = (
             _area(x0 + bay * wide_m / 2, y0, wide_m / 2, deep_m)
@@ -365,20 +377,10 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
             else _area(x0, y0 + bay * deep_m / 2, wide_m, deep_m / 2)
         )
         low_m = bottom_m + level * height_m / 2 + SHELF_M
-        if share > 0:
-            boxes.append(
-                box_above(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
-            )
+        if fill_frac > 0:
+            top_m = low_m + fill_frac * (height_m / 2 - SHELF_M)
+            boxes.append(box_above(f"{name}_goods_{i}", bay_area, low_m, top_m, GOODS_RGBA))
     return boxes
-
-
-def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[Point, ...], Area]:
-    if kind == "pile":
-        size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
-    else:
-        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
-    corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
-    return corners, bounding_area(corners)
 
 
 def _item(rng: np.random.Generator, kind: str, name: str, corners: Sequence[Point], ceiling_m: float) -> list[Box]:
@@ -402,9 +404,9 @@ def _layer(name: str, part: str, corners: Sequence[Point], bottom_m: float, top_
     return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
 
 
-def _shrunk(corners: Sequence[Point], share: float) -> tuple[Point, ...]:
+def _shrunk(corners: Sequence[Point], scale: float) -> tuple[Point, ...]:
     x_m, y_m = (sum(corner[i] for corner in corners) / len(corners) for i in range(2))
-    return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
+    return tuple((x_m + scale * (x - x_m), y_m + scale * (y - y_m)) for x, y in corners)
 
 
 # The floor in front of an opening, or below one in the ceiling, which stays clear.
@@ -451,14 +453,9 @@ def _corridor_walls(layout: OfficeSpec, side: int, rng: np.random.Generator) -> 
             yield area, [_gap_in(area, layout.door_m[0], rng)]
 
 
-def _east_wall(room: Area, thickness_m: float) -> Area:
-    x_m = room.max_m[0]
-    return Area(min_m=(x_m - thickness_m, room.min_m[1]), max_m=(x_m, room.max_m[1]))
-
-
 # A gap at random in a wall, away from its ends; narrower in short walls.
 def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
-    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    axis = area.long_axis
     width_m = min(width_m, 0.8 * area.size_m[axis])
     margin_m = min(0.4, (area.size_m[axis] - width_m) / 2)
     low_m, high_m = area.min_m[axis] + margin_m, area.max_m[axis] - margin_m - width_m
@@ -466,39 +463,31 @@ def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
     return start_m, start_m + width_m
 
 
-def _before_gap(area: Area, gap: Gap) -> Area:
-    if area.size_m[0] >= area.size_m[1]:
-        return Area(min_m=(gap[0], area.min_m[1] - DOOR_GAP_M), max_m=(gap[1], area.max_m[1] + DOOR_GAP_M))
-    return Area(min_m=(area.min_m[0] - DOOR_GAP_M, gap[0]), max_m=(area.max_m[0] + DOOR_GAP_M, gap[1]))
+# Clear floor on both sides of each gap.
+def _clear_at_gaps(walls: Sequence[Wall]) -> list[Area]:
+    return [_cut(_grown(area, DOOR_GAP_M), area.long_axis, *gap) for area, gaps in walls for gap in gaps]
 
 
-def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area], ceiling_m: float) -> list[Box]:
-    name, size_m, height_m, rgba = DESK
-    keep_clear = list(taken)
-    return [
-        box
-        for i, room in enumerate(rooms)
-        for box in _furnish(rng, f"{name}_{i}", size_m, room, keep_clear, min(height_m, ceiling_m), rgba)
-    ]
+# The floor that furniture must leave to walls and doors.
+def _floor_of(walls: Sequence[Wall]) -> list[Area]:
+    return [*(area for area, _ in walls), *_clear_at_gaps(walls)]
+
+
+def _grown(area: Area, by_m: float) -> Area:
+    (x0, y0), (x1, y1) = area.min_m, area.max_m
+    return Area(min_m=(x0 - by_m, y0 - by_m), max_m=(x1 + by_m, y1 + by_m))
 
 
 # One piece of furniture in a zone, in either orientation, if it finds a place, which is then taken.
 def _furnish(
-    rng: np.random.Generator,
-    name: str,
-    size_m: Point,
-    zone: Area,
-    taken: list[Area],
-    height_m: float,
-    rgba: Rgba,
+    rng: np.random.Generator, name: str, size_m: Point, zone: Area, taken: list[Area], height_m: float, rgba: Rgba
 ) -> list[Box]:
     if rng.random() < 0.5:
         size_m = (size_m[1], size_m[0])
     place = next(free_places(rng, size_m, zone, taken, gap_m=0.1), None)
     if place is None:
         return []
-    (x0, y0), (x1, y1), gap_m = place.min_m, place.max_m, FURNITURE_GAP_M
-    taken.append(Area(min_m=(x0 - gap_m, y0 - gap_m), max_m=(x1 + gap_m, y1 + gap_m)))
+    taken.append(_grown(place, FURNITURE_GAP_M))
     return [box_above(name, place, 0.0, height_m, rgba)]
 
 
@@ -506,10 +495,10 @@ def _furnish(
 def _splits(
     layout: HomeSpec, rng: np.random.Generator, rooms: Sequence[Area], walls: Sequence[Wall]
 ) -> Iterator[tuple[int, list[Area], Wall]]:
-    doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
+    doors = _clear_at_gaps(walls)
     for i in sorted(range(len(rooms)), key=lambda i: (-rooms[i].size_m[0] * rooms[i].size_m[1], i)):
         room = rooms[i]
-        axis = 0 if room.size_m[0] >= room.size_m[1] else 1
+        axis = room.long_axis
         slack_m = room.size_m[axis] - 2 * layout.least_room_m - layout.partition_m
         for _ in range(20 if slack_m >= 0 else 0):
             at_m = room.min_m[axis] + layout.least_room_m + float(rng.random()) * slack_m
@@ -556,13 +545,10 @@ def _wall_between(layout: ClutteredRoomsSpec, room: tuple[int, int], axis: int) 
 
 def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
     """Return the box above an area between two heights [m]."""
-    return Box(
-        name=name,
-        kind="wall" if is_wall else "obstacle",
-        min_m=tuple(_clean(v) for v in (*area.min_m, bottom_m)),  # pyright: ignore[reportArgumentType]
-        max_m=tuple(_clean(v) for v in (*area.max_m, top_m)),  # pyright: ignore[reportArgumentType]
-        rgba=rgba,
-    )
+    # Without the rounding errors of sums, so that edges on cell borders stay there.
+    x0, y0, z0, x1, y1, z1 = (round(float(each_m), 6) for each_m in (*area.min_m, bottom_m, *area.max_m, top_m))
+    kind = "wall" if is_wall else "obstacle"
+    return Box(name=name, kind=kind, min_m=(x0, y0, z0), max_m=(x1, y1, z1), rgba=rgba)
 
 
 def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
@@ -624,7 +610,7 @@ def wall_with_gaps(
         gaps: Start and end along the longer side [m], ascending, without overlap.
         gap_height_m: Height of the gaps; at least `height_m` means no lintel.
     """
-    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    axis = area.long_axis
     borders = [area.min_m[axis], *(border for gap in gaps for border in gap), area.max_m[axis]]
     boxes: list[Box] = []
     for i, (low, high) in enumerate(pairwise(borders)):
@@ -639,13 +625,13 @@ def wall_with_gaps(
 
 
 def free_places(
-    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float = 0.0, n_tries: int = 60
+    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float
 ) -> Iterator[Area]:
     """Yield places of a size, drawn evenly in a zone, at least a gap [m] away from all taken areas."""
     room = (zone.size_m[0] - size_m[0], zone.size_m[1] - size_m[1])
     if min(room) < 0:
         return
-    for _ in range(n_tries):
+    for _ in range(N_TRIES):
         x_m = zone.min_m[0] + float(rng.random()) * room[0]
         y_m = zone.min_m[1] + float(rng.random()) * room[1]
         place = Area(min_m=(x_m, y_m), max_m=(x_m + size_m[0], y_m + size_m[1]))
@@ -660,8 +646,3 @@ def _span_at(x_m: float, corners_m: Sequence[Point]) -> tuple[float, float]:
         if ax != bx and (ax - x_m) * (bx - x_m) <= 0
     ]
     return (float(min(crossings)), float(max(crossings))) if crossings else (0.0, 0.0)
-
-
-# Without the rounding errors of sums, so that edges on cell borders stay there.
-def _clean(value_m: float) -> float:
-    return round(float(value_m), 6)
