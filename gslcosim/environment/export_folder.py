@@ -1,4 +1,4 @@
-"""Folder of an export: where exporters of environments write, what they return, and names of files."""
+"""Folder of an export: target of the exporters of environments, their result, and names of files."""
 
 import re
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from gslcosim.base.errors import EnvironmentDataError
 
 @dataclass(frozen=True, kw_only=True)
 class ExportResult:
-    """Result of an export: the files written, and sentences on what the format cannot hold."""
+    """Result of an export: the files written, and sentences about content that the format cannot hold."""
 
     files: tuple[Path, ...]
     notices: tuple[str, ...] = ()
 
 
 def create_export_folder(folder: Path) -> None:
-    """Make a folder for exported files where there is none."""
+    """Create the folder for exported files; refuse one that holds files."""
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise EnvironmentDataError(
@@ -25,5 +25,5 @@ def create_export_folder(folder: Path) -> None:
 
 
 def build_file_name(name: str) -> str:
-    """Return the name of a room as files have it, without blanks and separators."""
+    """Return the name of a room in file names, without blanks and separators."""
     return re.sub(r"[^\w.-]+", "_", name)

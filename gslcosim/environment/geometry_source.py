@@ -1,4 +1,4 @@
-"""Geometry of a scenario's environment: a layout built, or a folder or files read; and the same in still air."""
+"""Geometry of a scenario's environment, from a layout, a folder or files; and the same in still air."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,13 +7,7 @@ import numpy as np
 
 from gslcosim.base.problems import Problem
 from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
-from gslcosim.environment.model import (
-    Environment,
-    EnvironmentGeometry,
-    WindFrames,
-    raise_if_any,
-    with_wind,
-)
+from gslcosim.environment.model import Environment, EnvironmentGeometry, WindFrames, raise_if_any, with_wind
 from gslcosim.environment.readers import find_missing_readers, find_room_reader
 from gslcosim.environment.variants import (
     DOORS_PATH,
@@ -27,11 +21,11 @@ from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverS
 
 
 def find_folder(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
-    """Return the folder that a scenario's environment is read from.
+    """Return the folder of a scenario's environment, which has a `folder_key`.
 
     Args:
-        spec: An environment whose `folder_key` names one.
-        scenario_dir: What a relative path is relative to; the working directory if absent.
+        spec: The scenario's environment block.
+        scenario_dir: Base folder of a relative path; the working directory if absent.
     """
     assert spec.folder_key is not None, "a layout has no folder"
     folder = Path(getattr(spec, spec.folder_key)).expanduser()
@@ -39,12 +33,12 @@ def find_folder(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
 
 
 def build_geometry(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> EnvironmentGeometry:
-    """Return the room of an environment that has no wind yet; that is any but one with a `path`.
+    """Return the room of an environment that has no wind yet: of any but one with a `path`.
 
     Args:
-        spec: What the scenario says of its environment.
+        spec: The scenario's environment block.
         wind: Gives a generated room its cells, and the inlets their velocity.
-        scenario_dir: What relative paths are relative to.
+        scenario_dir: Base folder of relative paths.
     """
     room = _room_without_doors(spec, wind, scenario_dir)
     if spec.doors:
@@ -63,28 +57,23 @@ def _room_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: P
 
 
 def find_source_problems(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
-    """Return all that keeps a room from being made or read, with the places in the scenario."""
-    problems = _problems_without_doors(spec, wind, scenario_dir)
+    """Return all problems of building or reading a room, with the places in the scenario."""
+    problems = find_missing_readers(spec, wind)
+    if not problems and spec.layout is not None:
+        problems = find_room_problems(spec.layout, wind)
+    elif not problems:
+        problems = find_room_reader(spec).find_problems(spec, wind, scenario_dir)
     if problems or not spec.doors:
         return problems
-    room = _room_without_doors(spec, wind, scenario_dir)
-    return _problems_with_doors(room, spec)
-
-
-def _problems_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> list[Problem]:
-    if missing := find_missing_readers(spec, wind):
-        return missing
-    if spec.layout is not None:
-        return find_room_problems(spec.layout, wind)
-    return find_room_reader(spec).find_problems(spec, wind, scenario_dir)
+    return _problems_with_doors(_room_without_doors(spec, wind, scenario_dir), spec)
 
 
 def build_still_environment(scenario: Scenario, *, scenario_dir: Path) -> Environment:
-    """Return the environment of a scenario with what events make of it, all of it without wind.
+    """Return the environment of a scenario with its variants, all without wind.
 
     Args:
         scenario: Its environment is any but one with a `path`.
-        scenario_dir: Where its relative paths start.
+        scenario_dir: Base folder of relative paths.
     """
     first, *later = find_variants(scenario)
     later_rooms = {variant: _build_room(scenario_in_variant(scenario, variant), scenario_dir) for variant in later}

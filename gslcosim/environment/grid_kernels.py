@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.problems import Problem
-from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, point_text
+from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, span_text
 from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
 
 SOLID = 1
@@ -19,15 +19,15 @@ SOLID = 1
 
 @numba.njit(cache=True, nogil=True)
 def to_next_border(start, i, direction):
-    """Return the way along a ray to the border of the cell ahead, and that between two borders; infinity across it.
+    """Return the length along a ray to the next cell border on one axis, and between two borders; infinite across it.
 
     Args:
         start: Coordinate of the ray's start along one axis [cells].
-        i: Index of the cell that it lies in.
+        i: Index of the cell that holds it.
         direction: Component of the ray's direction along that axis.
 
     Returns:
-        Both ways in lengths of the direction [cells].
+        Both lengths in units of the direction [cells].
 
     Held by:
         tests/unit/services/fields/test_sample_points.py, tests/unit/services/sensing/test_ray_kernels.py
@@ -42,7 +42,7 @@ def to_next_border(start, i, direction):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _first_crossing(start, i, step, direction):
-    # Line parameter (0 at the start, 1 at the end) at the first cell border, and how much lies between two borders.
+    # Line parameter (0 at the start, 1 at the end) at the first cell border, and its increment between two borders.
     if step == 0:
         return np.inf, np.inf
     border = i + 1.0 if step > 0 else float(i)
@@ -54,13 +54,13 @@ def _first_crossing(start, i, step, direction):
 def is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz):
     """Return whether no solid cell lies on the straight line between two points.
 
-    Every cell that the line passes through is visited once, in order, by stepping to the nearest of the next
-    three cell borders. Cells hold their lower faces (as in `Grid.cell_of`).
+    The walk visits every cell on the line once, in order, by steps to the nearest of the next three cell borders.
+    Cells hold their lower faces (as in `Grid.cell_of`).
 
-    The cells that hold the two end points count too: from inside a solid cell nothing is seen.
-    Outside the grid nothing blocks. A line that hits an edge of the grid's lattice exactly touches one of the
-    cells beside the edge, so no line slips between two solid cells that share only an edge; whether it counts as
-    touching a single cell there is left open. The answer is the same, to the bit, when the two points are swapped.
+    The cells of the two end points count too: nothing is visible from inside a solid cell. Outside the grid nothing
+    blocks. A line exactly through an edge of the lattice touches one of the cells at that edge, so that no line slips
+    between two solid cells with only an edge in common; which single cell it touches there is undefined. The result is
+    bit-identical when the two points are swapped.
 
     Args:
         occupancy: (nx, ny, nz) uint8 of `gslcosim.environment.model.Cell`; only SOLID (1) blocks; index order ij.
@@ -120,7 +120,7 @@ def is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _bracket(coordinate_m, origin_m, cell_m, n):
-    # Index of the lower cell centre and the weight of the upper one, clamped so that outside is as at the border.
+    # Index of the lower cell centre and weight of the upper one, clamped to the border.
     s = (coordinate_m - origin_m) / cell_m - 0.5
     if s <= 0.0:
         return 0, 0.0
@@ -204,10 +204,10 @@ def reachable_cells(is_open: NDArray[np.bool_], seed_cells: NDArray[np.int64]) -
 
     Args:
         is_open: (nx, ny, nz) bool, cells that can be entered; index order ij.
-        seed_cells: (n, 3) cell indices inside the grid; seeds that are not open are passed over.
+        seed_cells: (n, 3) cell indices inside the grid; seeds that are not open are ignored.
 
     Returns:
-        (nx, ny, nz) bool, True where a seed's air reaches.
+        (nx, ny, nz) bool, True in the parts that hold a seed.
     """
     parts = label_parts(is_open, False)  # noqa: FBT003 - compiled functions take positional arguments only
     reached = np.unique(parts[tuple(seed_cells.T)])
@@ -217,8 +217,7 @@ def reachable_cells(is_open: NDArray[np.bool_], seed_cells: NDArray[np.int64]) -
 def build_occupancy(boxes: Sequence[Box], openings: Sequence[Opening], grid: Grid) -> NDArray[np.uint8]:
     """Return the (nx, ny, nz) cells of a room: its boxes, sealed pockets filled, outlets marked.
 
-    Air is what is connected, through faces of cells, with an opening. The rest can neither be flown to nor be blown
-    through, so it becomes solid.
+    Air is connected with an opening through faces of cells. The rest becomes solid: no vehicle and no wind reaches it.
     """
     is_solid = voxelize(boxes, grid)
     is_air = find_reachable_cells(~is_solid, openings, grid)
@@ -239,11 +238,11 @@ def find_reachable_cells(is_open: NDArray[np.bool_], openings: Sequence[Opening]
 
 
 def group_opening_cells(occupancy: NDArray[np.uint8]) -> Iterator[tuple[NDArray[np.bool_], Face | None]]:
-    """Yield the cells of each opening with the face of the grid that it lies on, if it reaches one.
+    """Yield the cells of each opening with its face of the grid, None where it reaches no face.
 
-    Connected cells of code 2 are one opening on each face where they lie flat: as deep as the smaller side of what
-    touches the face, or less. So a band around a corner is two, the open sides of outdoors are four, and the rims of
-    these on floor and ceiling are none. Cells flat on no face belong to the face that most of them touch.
+    Connected cells of code 2 are one opening on each face where they lie flat: no deeper than the smaller side of
+    their contact with the face. So a band around a corner is two openings, the open sides of outdoors are four, and
+    their rims on floor and ceiling are none. Cells flat on no face belong to the face that most of them touch.
 
     Args:
         occupancy: (nx, ny, nz) of `Cell`.
@@ -255,7 +254,7 @@ def group_opening_cells(occupancy: NDArray[np.uint8]) -> Iterator[tuple[NDArray[
     while left.any():
         group = reachable_cells(left, np.argwhere(left)[:1])
         left &= ~group
-        # GADEN's preprocessing marks only the hull of an opening; its depth is that of what the hull encloses.
+        # GADEN's preprocessing marks only the hull of an opening; its depth includes the enclosed cells.
         is_filled = group | ~reachable_cells(~group, np.argwhere(occupancy == Cell.FREE))
         parts: list[tuple[NDArray[np.bool_], Face]] = []
         is_unexplained = group.copy()
@@ -289,10 +288,10 @@ def _from_face(cells: NDArray[np.bool_], face: Face) -> NDArray[np.bool_]:
 
 
 def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Return the cells that air passes through: (nx, ny, nz), all that are not solid, and what openings enclose.
+    """Return the (nx, ny, nz) cells that air passes through: all that are not solid, and those that openings enclose.
 
-    GADEN's preprocessing marks the hull of an opening and leaves what the hull encloses solid, so that all air would
-    leave through the rim. Cells between an opening's own and the face that it lies on are therefore air.
+    GADEN's preprocessing marks the hull of an opening and leaves the enclosed cells solid, so that all air would leave
+    through the rim. Cells between those of an opening and its face are therefore air.
 
     Args:
         occupancy: (nx, ny, nz) of `Cell`.
@@ -305,12 +304,12 @@ def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def find_occupancy_problems(room: EnvironmentGeometry) -> list[Problem]:
-    """Return what keeps the air from coming in, passing and going out; empty when it can."""
+    """Return the obstructions of the air's way in, through and out; empty when there are none."""
     is_open = ~voxelize(room.boxes, room.grid)
     problems = [
         Problem(
             where=_path_to_blame(room),
-            expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
+            expected=f"air at the {opening.name}, {span_text(opening.min_m, opening.max_m)}",
             found="obstacles in front of all of it",
             remedy=f"Move the obstacles or the {opening.name}.",
         )

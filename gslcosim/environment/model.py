@@ -1,19 +1,38 @@
-"""Environment model that every core shares: grid, geometry, occupancy and wind, read-only."""
+"""Environment model of all cores: grid, geometry, occupancy and wind, read-only."""
 
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import IntEnum
-from typing import Any, Literal, NamedTuple, Self, TypedDict
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.problems import ProblemsError
+
+OWN_WIND = -1
+"""In place of the index of an event: the wind is that of the scenario."""
+
+Closed = tuple[str, ...]
+"""The names of the doors that are closed, sorted."""
+
+AT_START: Closed = ("at start",)
+"""In place of names: the doors at the start of a run. No door has this name, for names have no blanks."""
+
+LAYOUT_PATH = "environment.layout"
+# More cells would not fit into the memory of a common machine together with the solver's fields.
+MAX_CELLS = 200_000_000
+
+WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
+FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
+CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
+OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
 class ImpossibleEnvironmentError(ProblemsError):
@@ -35,7 +54,7 @@ class Grid:
     """A box of equal cubic cells; index order is (x, y, z), cell (0, 0, 0) touches `origin_m`."""
 
     origin_m: Vec3
-    cell_m: float
+    cell_m: Annotated[float, Field(gt=0)]
     shape: tuple[int, int, int]
 
     @property
@@ -59,7 +78,7 @@ class Grid:
 
     def contains_points(self, points_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which of (n, 3) points, world frame [m], are in the box or on its border."""
-        # Rounded corners, as of a grid in single precision, keep no point of the border out.
+        # The slack keeps points on the border inside, although single precision rounds a grid's corners.
         slack_m = 1e-6 * self.cell_m
         low_m, high_m = np.subtract(self.origin_m, slack_m), np.add(self.max_m, slack_m)
         return np.all((points_world_m >= low_m) & (points_world_m <= high_m), axis=1)
@@ -73,14 +92,23 @@ class Grid:
         """Return the (nx, ny, nz, 3) cell centres, world frame [m]."""
         return np.stack(np.meshgrid(*(self.axis_centres_m(axis) for axis in range(3)), indexing="ij"), axis=-1)
 
+    def centres_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the centres of (…, 3) cell indices, world frame [m]."""
+        return np.asarray(self.origin_m, dtype=np.float64) + (cells + 0.5) * self.cell_m
+
     def axis_centres_m(self, axis: int) -> NDArray[np.float64]:
         """Return the (n,) coordinates of the cell centres on one axis (0, 1, 2 is x, y, z), world frame [m]."""
         return self.origin_m[axis] + (np.arange(self.shape[axis], dtype=np.float64) + 0.5) * self.cell_m
 
 
 def point_text(point_m: Sequence[float]) -> str:
-    """Return a point as a scenario file would have it, such as `[5, 1, 2]`."""
+    """Return a point in the notation of scenario files, such as `[5, 1, 2]`."""
     return "[" + ", ".join(f"{coordinate_m:.6g}" for coordinate_m in point_m) + "]"
+
+
+def span_text(min_m: Sequence[float], max_m: Sequence[float]) -> str:
+    """Return the corners of a box as text, such as `[0, 0, 0] to [5, 1, 2] m`."""
+    return f"{point_text(min_m)} to {point_text(max_m)} m"
 
 
 class Cell(IntEnum):
@@ -104,7 +132,7 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VisualMesh:
-    """Triangles to be looked at; what blocks air, sight and vehicles is occupancy and boxes.
+    """Triangles for pictures only: occupancy and boxes block air, sight and vehicles.
 
     `vertices_m` is (n, 3) float32, world frame [m]; `faces` (m, 3) int32 of vertex indices. Colours have 256 steps.
     """
@@ -118,19 +146,17 @@ class VisualMesh:
     def of(
         cls, name: str, vertices_m: NDArray[Any], faces: NDArray[Any], rgba: tuple[float, float, float, float]
     ) -> Self:
-        """Return a mesh of arrays of any type of number; the vertices that no face has are left out."""
+        """Return a mesh from arrays of any numeric type, without the vertices that no face uses."""
         used, numbers = np.unique(faces, return_inverse=True)
-        kept_m = np.ascontiguousarray(np.asarray(vertices_m)[used], dtype=np.float32)
-        renumbered = np.ascontiguousarray(numbers.reshape(-1, 3), dtype=np.int32)
-        kept_m.setflags(write=False)
-        renumbered.setflags(write=False)
+        kept_m = freeze_array(np.ascontiguousarray(np.asarray(vertices_m)[used], dtype=np.float32))
+        renumbered = freeze_array(np.ascontiguousarray(numbers.reshape(-1, 3), dtype=np.int32))
         r, g, b, a = (round(round(channel * 255) / 255, 6) for channel in rgba)
         return cls(name=name, vertices_m=kept_m, faces=renumbered, rgba=(r, g, b, a))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """An inlet, an outlet, or a side where the outdoors go on: a flat box on the boundary of the air, world frame [m].
+    """An inlet, an outlet or an open side of the outdoors: a flat box on the boundary of the air, world frame [m].
 
     `velocity_m_s` is the inlet's; zero for the others.
     """
@@ -155,8 +181,8 @@ class WindFrames:
     """Wind at cell centres of the environment's grid over time.
 
     `velocity_m_s` is (t, nx, ny, nz, 3) float32, world frame; one frame means steady wind.
-    Frame i holds from i * period_s on; after the last frame time loops, unless `is_looping` is false: then it stays.
-    `k_epsilon` is (nx, ny, nz, 2) float32, turbulence energy [m2/s2] and its dissipation [m2/s3], where they are known.
+    Frame i holds from i * period_s on; after the last one the frames repeat, or the last one stays where `is_looping`
+    is false. `k_epsilon` is (nx, ny, nz, 2) float32, turbulence energy [m2/s2] and its dissipation [m2/s3], if known.
     """
 
     velocity_m_s: NDArray[np.float32]
@@ -171,17 +197,6 @@ class WindFrames:
         return index % n_frames if self.is_looping else min(index, n_frames - 1)
 
 
-OWN_WIND = -1
-"""In place of the number of an event: the wind is that of the scenario."""
-
-
-Closed = tuple[str, ...]
-"""The names of the doors that are closed, sorted."""
-
-AT_START: Closed = ("at start",)
-"""In place of names: as at the start of a run. It is no name, which has no blank."""
-
-
 class VariantValues(TypedDict):
     """Values of an `EnvironmentVariant` in a file."""
 
@@ -190,25 +205,25 @@ class VariantValues(TypedDict):
 
 
 class EnvironmentVariant(NamedTuple):
-    """Variant of an environment: its closed doors, and the place of the event whose inlet makes the wind."""
+    """Variant of an environment: its closed doors, and the index of the event that sets the inlet's wind."""
 
     closed: Closed = ()
     i_wind: int = OWN_WIND
 
     @classmethod
     def from_values(cls, values: VariantValues) -> Self:
-        """Return the variant that a file holds."""
+        """Return the variant of values in a file."""
         return cls(tuple(values["closed"]), values["i_wind"])
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentGeometry:
-    """A room without its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
+    """A room without its wind. The grid covers the air exactly; walls lie outside it, except in imported rooms.
 
     `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet. Openings of layouts are
-    whole cells; walls are closed behind them, so that no vehicle leaves the room. `meshes` are what the boxes were made
-    from, where they were made from anything; `load_environment` reads them only on demand.
-    `notices` are sentences for the user on what was done differently from what the scenario says.
+    whole cells; walls are closed behind them, so that no vehicle leaves the room. `meshes` are the origin of the boxes
+    of an imported geometry; `load_environment` reads them only on demand.
+    `notices` are sentences for the user about deviations from the scenario.
     """
 
     name: str
@@ -225,8 +240,8 @@ class EnvironmentGeometry:
 class Environment(EnvironmentGeometry):
     """A room with its wind.
 
-    `content_hash` identifies everything in here but `notices` and `later_rooms`: what events of a run make of it, on
-    the same grid, by variant.
+    `content_hash` identifies everything in it except `notices` and `later_rooms`, its variants during a run, which are
+    on the same grid.
     """
 
     wind: WindFrames
@@ -234,9 +249,9 @@ class Environment(EnvironmentGeometry):
     later_rooms: Mapping[EnvironmentVariant, Self] = field(default_factory=dict[EnvironmentVariant, Self])
 
     def by_doors(self) -> dict[Closed, Self]:
-        """Return the room at the start as `AT_START`, and later rooms by their closed doors, whatever their wind.
+        """Return the room at the start as `AT_START`, and one room of any wind for each later set of closed doors.
 
-        Doors that are closed at the start, and only they, may lack a room of their own: it is that at the start.
+        The set of doors that are closed at the start may be missing: its room is `AT_START`.
         """
         rooms: dict[Closed, Self] = {AT_START: self}
         for variant, room in self.later_rooms.items():
@@ -245,7 +260,7 @@ class Environment(EnvironmentGeometry):
 
 
 def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
-    """Return the environment that a room and its wind make; its arrays are read-only and in C order.
+    """Return the environment of a room and its wind; its arrays are read-only and in C order.
 
     Raises:
         EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid, or its k and epsilon do not fit.
@@ -264,15 +279,13 @@ def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
                 f"k and epsilon of {room.name}: expected (nx, ny, nz, 2) with cells {room.grid.shape}, "
                 f"was {k_epsilon.shape}"
             )
-    frozen_wind = WindFrames(
-        velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping, k_epsilon=k_epsilon
-    )
+    frozen_wind = replace(wind, velocity_m_s=velocity_m_s, k_epsilon=k_epsilon)
     geometry = {each.name: getattr(room, each.name) for each in fields(EnvironmentGeometry)}
     return Environment(**geometry, wind=frozen_wind, content_hash=content_hash(room, frozen_wind))
 
 
 def content_hash(room: EnvironmentGeometry, wind: WindFrames) -> str:
-    """Return 32 hexadecimal digits that change whenever anything of an environment does."""
+    """Return 32 hexadecimal digits that identify the content of an environment."""
     facts = {
         "name": room.name,
         "grid": asdict(room.grid),
@@ -295,20 +308,9 @@ def content_hash(room: EnvironmentGeometry, wind: WindFrames) -> str:
 
 
 def freeze_array(array: NDArray[Any]) -> NDArray[Any]:
-    """Return an array, which nobody can write to from now on."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array
-
-
-LAYOUT_PATH = "environment.layout"
-# More cells than this would not fit into the memory of a common machine together with the solver's fields.
-MAX_CELLS = 200_000_000
-
-WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
-
-FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
-CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
-OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
 def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:
@@ -317,7 +319,7 @@ def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:
     Args:
         min_m: Lower corner of the air, world frame [m].
         max_m: Upper corner of the air, world frame [m].
-        wall_m: How thick they are [m].
+        wall_m: Their thickness [m].
     """
     (x0, y0, z0), (x1, y1, z1), w = min_m, max_m, wall_m
     low, high = (x0 - w, y0 - w), (x1 + w, y1 + w)

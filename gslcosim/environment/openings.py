@@ -1,4 +1,4 @@
-"""Openings and boxes: the face of the environment on which each lies, and how they become whole cells."""
+"""Openings and boxes on the grid: the face of each opening, and the whole cells of both."""
 
 import math
 from collections import Counter
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, point_text
+from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, span_text
 from gslcosim.scenario.models.scenario import OpeningSpec
 
 _AXES = "xyz"
-# How far from a face an opening may be written and still be meant to lie on it [m].
+# Greatest distance from a face at which an opening still lies on it [m].
 _ON_FACE_M = 1e-6
 
 Cells = tuple[slice, slice, slice]
@@ -36,11 +36,11 @@ class Face:
 
     @property
     def inward(self) -> int:
-        """The sign of a velocity along `axis` that enters the room through this face."""
+        """Sign of a velocity along `axis` that enters the room through this face."""
         return -1 if self.is_upper else 1
 
     def coordinate_m(self, grid: Grid) -> float:
-        """Return where the face lies on its axis, world frame [m]."""
+        """Return the face's coordinate on its axis, world frame [m]."""
         return grid.max_m[self.axis] if self.is_upper else grid.origin_m[self.axis]
 
 
@@ -49,13 +49,13 @@ FACES = tuple(Face(axis=axis, is_upper=is_upper) for axis in range(3) for is_upp
 
 @dataclass(frozen=True)
 class WantedOpening:
-    """An opening as a scenario or its layout has it, and the place in the scenario that is responsible for it.
+    """An opening of a scenario or of its layout, and the place in the scenario that is responsible for it.
 
     Attributes:
         velocity_m_s: The inlet's; zero for the others.
-        is_wind_checked: Whether its velocity has to enter the room.
-        overlap_path: Where an overlap with one before it is reported; absent: `path`.
-        is_optional: Whether it is left out where it would overlap one before it.
+        is_wind_checked: True when its velocity has to enter the room.
+        overlap_path: Place of the problem when it overlaps an earlier opening; absent: `path`.
+        is_optional: True when it is left out where it would overlap an earlier opening.
     """
 
     name: str
@@ -73,10 +73,10 @@ def place_openings(
 ) -> tuple[tuple[Opening, ...], list[Problem], tuple[str, ...]]:
     """Move openings to whole cells of a room's faces.
 
-    Each edge goes to the nearest border of cells; one half-way goes outward, so 1.5 m becomes 1.6 m with 0.2 m cells.
+    Each edge goes to the nearest cell border; one half-way goes outward, so 1.5 m becomes 1.6 m with 0.2 m cells.
 
     Returns:
-        The openings that can be placed, all problems of the others and between them, and a sentence for each opening
+        The openings that can be placed, all problems of the others and between them, and a notice for each opening
         that moved.
     """
     placed: list[Opening] = []
@@ -114,8 +114,8 @@ def place_openings(
             Problem(
                 where=each.overlap_path or each.path,
                 expected=f"{other.name} and {opening.name} apart from each other",
-                found=f"{other.name} {_span_text(other.min_m, other.max_m)} and {opening.name} "
-                f"{_span_text(min_m, max_m)}, which overlap",
+                found=f"{other.name} {span_text(other.min_m, other.max_m)} and {opening.name} "
+                f"{span_text(min_m, max_m)}, which overlap",
                 remedy="Move one of them.",
             )
             for other in overlapped
@@ -124,14 +124,14 @@ def place_openings(
         moves_m = zip((*each.spec.min_m, *each.spec.max_m), (*min_m, *max_m), strict=True)
         if max(abs(before_m - after_m) for before_m, after_m in moves_m) > _ON_FACE_M:
             notices.append(
-                f"The {each.name} {_span_text(each.spec.min_m, each.spec.max_m)} is taken as "
-                f"{_span_text(min_m, max_m)}, which is whole cells of {grid.cell_m:g} m."
+                f"The {each.name} {span_text(each.spec.min_m, each.spec.max_m)} is taken as "
+                f"{span_text(min_m, max_m)}, which is whole cells of {grid.cell_m:g} m."
             )
     return tuple(placed), problems, tuple(notices)
 
 
 def find_face(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
-    """Return the face of the room that an opening lies flat on, if there is one."""
+    """Return the face of the room that an opening lies flat on; None without one."""
     for face in FACES:
         where_m = face.coordinate_m(grid)
         corners_m = (opening.min_m[face.axis], opening.max_m[face.axis])
@@ -141,11 +141,10 @@ def find_face(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
 
 
 def snap_range(low_m: float, high_m: float, grid: Grid, axis: int, *, is_outward: bool) -> tuple[int, int]:
-    """Return the cells [first, last) of a span on one axis, clipped to the grid, at least one where it overlaps it.
+    """Return the cells [first, last) of a span on one axis, clipped to the grid; (0, 0) for a span outside.
 
-    Ends go to the nearest border of cells. An end half-way between two borders goes outward or, otherwise, up, which
-    takes the cells whose centre lies in [low_m, high_m).
-    A span that would vanish takes the cell that holds its middle; first == last: nothing of it lies in the grid.
+    Ends go to the nearest cell border. An end half-way between two borders goes outward or, otherwise, up, which
+    takes the cells with a centre in [low_m, high_m). A span without a cell takes the one that holds its middle.
     """
     n = grid.shape[axis]
     # Rounded, so that 13.4 / 0.2 counts as 67 and not as a little less.
@@ -163,17 +162,17 @@ def snap_range(low_m: float, high_m: float, grid: Grid, axis: int, *, is_outward
 
 
 def border_m(grid: Grid, axis: int, i: int) -> float:
-    """Return the coordinate [m] of the lower border of cells i, free of the last digits of a float product."""
+    """Return the coordinate [m] of the lower border of cells i, without the rounding error of a product."""
     if i == grid.shape[axis]:
         return grid.max_m[axis]
     return round(grid.origin_m[axis] + i * grid.cell_m, 9)
 
 
 def cells_at(opening: Opening, grid: Grid) -> Cells:
-    """Return the layer of cells, one deep, that an opening on the room's face touches."""
+    """Return the layer of cells, one deep, at an opening on a face of the room."""
     face = find_face(opening, grid)
     if face is None:
-        span = _span_text(opening.min_m, opening.max_m)
+        span = span_text(opening.min_m, opening.max_m)
         raise ValueError(f"opening {opening.name} is on no face of the grid: {span}")
     slices: list[slice] = []
     for axis in range(3):
@@ -185,7 +184,7 @@ def cells_at(opening: Opening, grid: Grid) -> Cells:
 
 
 def are_overlapping(a: Opening, b: Opening, grid: Grid) -> bool:
-    """Return whether two openings lie on one face and share a part of it, not only an edge."""
+    """Return whether two openings on one face overlap, by more than an edge."""
     face = find_face(a, grid)
     if face is None or face != find_face(b, grid):
         return False
@@ -197,7 +196,7 @@ def are_overlapping(a: Opening, b: Opening, grid: Grid) -> bool:
 
 
 def find_inflow_problems(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
-    """Return what is wrong with the wind at an inlet: still air is fine, air that does not enter is not."""
+    """Return the problem of wind that does not enter at an inlet; still air has none."""
     if not any(velocity_m_s) or velocity_m_s[face.axis] * face.inward > 0:
         return ()
     sign = "+" if face.inward > 0 else "-"
@@ -215,9 +214,9 @@ def find_inflow_problems(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
 def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
     """Return which of the (nx, ny, nz) cells are solid.
 
-    A cell is solid when its centre lies in a box (its lower faces included). A box that is thinner than a cell and
-    holds no centre along an axis takes the cell that holds its middle there, so that gas and sight never pass
-    through a thin plate. Boxes outside the grid take no cell.
+    A cell is solid when its centre lies in a box (lower faces included). A box without a centre along an axis takes the
+    cell that holds its middle there, so that gas and sight never pass through a thin plate. Boxes outside the grid take
+    no cell.
     """
     is_solid = np.zeros(grid.shape, dtype=np.bool_)
     for box in boxes:
@@ -229,14 +228,13 @@ def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
 
 
 def boxes_from_solid(is_solid: NDArray[np.bool_], grid: Grid) -> tuple[Box, ...]:
-    """Return boxes named `solid_0`, `solid_1`, … that together hold exactly the solid cells, without overlap.
+    """Return boxes named `solid_0`, `solid_1`, … that together fill exactly the solid cells, without overlap.
 
-    Each box starts at the first cell not yet held, in index order, and grows as far as it can along x, then y, then z.
+    Each box starts at the first remaining cell, in index order, and grows as far as possible along x, then y, then z.
     That is not the least number of boxes, but a few per straight wall or shelf.
     """
     left = is_solid.copy()
     boxes: list[Box] = []
-    # Cells are taken off `left` as boxes grow; those already taken are passed over.
     for i, j, k in np.argwhere(is_solid).tolist():
         if not left[i, j, k]:
             continue
@@ -258,7 +256,7 @@ def boxes_from_solid(is_solid: NDArray[np.bool_], grid: Grid) -> tuple[Box, ...]
 
 
 def solid_boxes(environment: Environment) -> list[Box]:
-    """Return the boxes of a room; one without a floor of its own (an imported one, say) gets one to stand on."""
+    """Return the boxes of a room, with a floor to stand on for a room without one, such as an imported room."""
     boxes = list(environment.boxes)
     doubles = sorted(name for name, n in Counter(box.name for box in boxes).items() if n > 1)
     if doubles:
@@ -276,9 +274,8 @@ def _find_place_problems(wanted: WantedOpening, grid: Grid, face: Face | None) -
         return [
             Problem(
                 where=wanted.path,
-                expected="a rectangle flat on one face of the room, "
-                f"which reaches from {point_text(low_m)} to {point_text(high_m)} m",
-                found=_span_text(min_m, max_m),
+                expected=f"a rectangle flat on one face of the room, which reaches from {span_text(low_m, high_m)}",
+                found=span_text(min_m, max_m),
                 remedy="Give min_m and max_m one coordinate in common, on the face, such as x = 0 in both.",
             )
         ]
@@ -293,10 +290,6 @@ def _find_place_problems(wanted: WantedOpening, grid: Grid, face: Face | None) -
     ]
 
 
-def _span_text(min_m: Vec3, max_m: Vec3) -> str:
-    return f"{point_text(min_m)} to {point_text(max_m)} m"
-
-
 def _grown(left: NDArray[np.bool_], i: int, j: int, k: int) -> Cells:
     i1 = i + _run(left[i:, j, k])
     j1 = j + _run(np.asarray(left[i:i1, j:, k].all(axis=0)))
@@ -304,6 +297,6 @@ def _grown(left: NDArray[np.bool_], i: int, j: int, k: int) -> Cells:
     return slice(i, i1), slice(j, j1), slice(k, k1)
 
 
-# How many values are true before the first that is not.
+# Number of true values before the first false one.
 def _run(values: NDArray[np.bool_]) -> int:
     return len(values) if values.all() else int(np.argmin(values))

@@ -1,4 +1,4 @@
-"""Pictures of a room from above: a painter of plan views, and the picture that lies in an environment's folder."""
+"""Pictures of a room from above: a painter of plan views, and the picture in an environment's folder."""
 
 import io
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ Rgb = tuple[int, int, int]
 LONG_SIDE_PX, MARGIN_PX = 900, 40
 ARROWS_PER_SIDE = 30
 _OPENING_PX, _FLOW_ARROW_PX = 7, 64
-# Shorter arrows are not seen.
+# Shorter arrows are invisible.
 _MIN_ARROW_PX = 2.0
 
 PAPER, FLOOR, EDGE = (24, 27, 33), (52, 57, 66), (120, 128, 140)
@@ -30,11 +30,11 @@ WIND, INLET, OUTLET, SOURCE = (150, 200, 255), (76, 160, 255), (205, 130, 255), 
 
 
 class PlanPainter:
-    """Draws a plan view into a picture, one thing over the other.
+    """Painter of a plan view: each call draws over the ones before.
 
     Args:
-        plan: What is drawn.
-        scale: Where in the picture; its size is that of the picture.
+        plan: The plan.
+        scale: Size of the picture, and place of the plan in it.
         paper: Colour around the room.
     """
 
@@ -64,7 +64,7 @@ class PlanPainter:
             self._draw.line([self.scale.pixel(end_m) for end_m in line_m], fill=color)
 
     def box(self, box: Box) -> None:
-        """Fill a box with its colour, the brighter the higher it reaches in the room; nothing of one outside."""
+        """Fill the part of a box inside the room with its colour, the brighter the higher its top."""
         low, high = self._grid.origin_m, self._grid.max_m
         min_m = tuple(max(a, b) for a, b in zip(box.min_m, low, strict=True))
         max_m = tuple(min(a, b) for a, b in zip(box.max_m, high, strict=True))
@@ -80,19 +80,19 @@ class PlanPainter:
         self._draw.rectangle([x0 - width, y0 - width, x1 + width - 1, y1 + width - 1], outline=color, width=width)
 
     def openings(self, inlet: Rgb, outlet: Rgb, *, width: int, flow_arrow_px: float = 0.0) -> None:
-        """Draw openings as lines at the sides, those of floor and ceiling as thin rectangles.
+        """Draw openings at the sides as lines, and those in floor and ceiling as thin rectangles.
 
         Args:
             inlet: Colour of inlets.
             outlet: Colour of all others.
-            width: Of the lines [pixels].
-            flow_arrow_px: Length of the arrows that say which way the air goes [pixels]; 0: none.
+            width: Width of the lines [pixels].
+            flow_arrow_px: Length of the arrows in the direction of the air [pixels]; 0: none.
         """
         for seen in self.plan.openings:
             color = inlet if seen.is_inlet else outlet
             path = [self.scale.pixel(place_m) for place_m in seen.path_m()]
             self._draw.line(path, fill=color, width=width if seen.is_at_side else 1)
-            # A slit along the floor, open sky at the side of a whole room: no place for an arrow.
+            # A slit along the floor, or open sky along a whole side, has no room for an arrow.
             is_tall = seen.opening.max_m[2] - seen.opening.min_m[2] > self._grid.cell_m * 1.5
             if flow_arrow_px and seen.is_at_side and is_tall:
                 middle = np.mean(path, axis=0)
@@ -100,12 +100,12 @@ class PlanPainter:
                 self._arrow(middle, direction * flow_arrow_px, color, width=4)
 
     def wind(self, velocity_m_s: NDArray[np.floating], color: Rgb, per_side: int) -> None:
-        """Draw arrows along the wind, the longer the faster, so many along the longer side.
+        """Draw arrows along the wind, the longer the faster.
 
         Args:
             velocity_m_s: (nx, ny, nz, 3) wind, world frame [m/s].
-            color: Of the arrows.
-            per_side: How many arrows.
+            color: Colour of the arrows.
+            per_side: Arrows along the longer side.
         """
         cells, spacing = space_arrows(~self.plan.solid, per_side)
         winds_m_s = velocity_m_s[cells[:, 0], cells[:, 1], self.plan.layer, :2].astype(np.float64)
@@ -118,10 +118,10 @@ class PlanPainter:
                 self._arrow(np.array(self.scale.pixel(middle_m)), vector, color)
 
     def dot(self, place_m: Sequence[float], radius_px: int, **look: object) -> None:
-        """Draw a circle around a place [m]; `look` is as for Pillow's `circle`."""
+        """Draw a circle around a place [m]; `look` has the keywords of Pillow's `circle`."""
         self._draw.circle(self.scale.pixel(place_m), radius_px, **look)  # pyright: ignore[reportArgumentType]
 
-    # `vector` points along the world's plane, y up; the arrow is centred on a pixel.
+    # `vector` [pixels] has y up; the arrow is centred on a pixel.
     def _arrow(self, centre: NDArray[np.floating], vector: NDArray[np.floating], color: Rgb, width: int = 1) -> None:
         along = np.array([vector[0], -vector[1]])
         length = float(np.hypot(*along))
@@ -138,19 +138,17 @@ class PlanPainter:
         return left, upper, left + width, upper + height
 
 
-def top_view_png(environment: Environment, *, sources_m: Sequence[Vec3] = (), height_m: float | None = None) -> bytes:
-    """Return a PNG of an environment seen from above, x to the right and y up.
+def top_view_png(environment: Environment, *, sources_m: Sequence[Vec3] = ()) -> bytes:
+    """Return a PNG of an environment from above, x to the right and y up.
 
-    Solids are the brighter the higher they reach; arrows are the wind at `height_m`, by default at the first source's
-    height or at 2 m; blue and violet bars with arrows are inlets and outlets, red dots are sources.
+    Solids are the brighter the higher they are; arrows are the wind at the first source's height, or at 2 m; blue and
+    violet bars with arrows are inlets and outlets, red dots are sources.
     """
-    if height_m is None:
-        height_m = sources_m[0][2] if sources_m else 2.0
-    plan = PlanView.of(environment, height_m)
+    plan = PlanView.of(environment, sources_m[0][2] if sources_m else 2.0)
     painter = PlanPainter(plan, PixelScale.for_long_side(plan, LONG_SIDE_PX, MARGIN_PX), PAPER)
     painter.floor(FLOOR)
     for box in sorted(environment.boxes, key=lambda box: box.max_m[2]):
-        # Lintels are left out, so that doors are seen.
+        # Lintels would hide doors.
         if box.kind == "obstacle" or (box.kind == "wall" and box.min_m[2] <= environment.grid.origin_m[2]):
             painter.box(box)
     painter.outline(EDGE, width=2)

@@ -1,6 +1,6 @@
-"""Plan view of a room: what is solid at a height and below it, openings, arrows of wind, and the scale in pixels.
+"""Plan view of a room: solids at a height and below it, openings, arrows of wind, and the scale in pixels.
 
-Recordings, pictures, films, figures and reports draw plans of it, each with a painter of its own.
+Recordings, pictures, films, figures and reports draw it, each with a painter of its own.
 """
 
 from collections.abc import Sequence
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gslcosim.environment.model import Box, Cell, Environment, EnvironmentGeometry, Grid, Opening
 from gslcosim.environment.variants import find_door_boxes
 
-# The wind that an arrow of `REFERENCE_LENGTH_SPACINGS` stands for, as a percentile of the speeds of all arrows: jets at
-# inlets are few and would make all other arrows dots.
+# An arrow of `REFERENCE_LENGTH_SPACINGS` stands for this percentile of the speeds of all arrows. With the maximum
+# instead, the few jets at inlets would turn all other arrows into dots.
 REFERENCE_PERCENTILE = 80
 REFERENCE_LENGTH_SPACINGS = 0.9
 MAX_LENGTH_SPACINGS = 1.3
@@ -24,10 +24,10 @@ Extent = tuple[float, float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOpening:
-    """An inlet, an outlet or an open side, seen from above.
+    """An inlet, an outlet or an open side from above.
 
     Attributes:
-        opening: What it is.
+        opening: The opening.
         corners_m: Two opposite corners (x, y), world frame [m]: the ends of a line where it lies at a side.
         inward: Unit vector (x, y) into the room; (0, 0) where it lies in the floor or the ceiling.
     """
@@ -38,7 +38,7 @@ class PlanOpening:
 
     @property
     def is_inlet(self) -> bool:
-        """True where air comes in by it."""
+        """True for an inlet."""
         return self.opening.kind == "inlet"
 
     @property
@@ -47,19 +47,19 @@ class PlanOpening:
         return self.inward != (0.0, 0.0)
 
     def path_m(self) -> list[tuple[float, float]]:
-        """Return the line that draws it, (x, y) each, world frame [m]: a rectangle is closed."""
+        """Return the points (x, y) of its line, world frame [m]: that of a rectangle is closed."""
         (x0, y0), (x1, y1) = self.corners_m
         return [(x0, y0), (x1, y1)] if self.is_at_side else [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanView:
-    """A room seen from above, cut at a height.
+    """A room from above, cut at a height.
 
     Attributes:
         room: The room.
-        height_m: Of the cut, world frame [m].
-        layer: Index along z of the cells that hold the cut; the lowest or topmost where it is outside the grid.
+        height_m: Height of the cut, world frame [m].
+        layer: Index along z of the cells at the cut; the lowest or topmost for a cut outside the grid.
     """
 
     room: Environment | EnvironmentGeometry
@@ -78,23 +78,23 @@ class PlanView:
 
     @property
     def extent_m(self) -> Extent:
-        """The sides of the plan: x from, x to, y from, y to, world frame [m]."""
+        """Sides of the plan: least and greatest x, least and greatest y, world frame [m]."""
         (x0, y0, _), (x1, y1, _) = self.grid.origin_m, self.grid.max_m
         return x0, x1, y0, y1
 
     @cached_property
     def solid(self) -> NDArray[np.bool_]:
-        """Which of the (nx, ny) cells are solid at the height."""
+        """True in the (nx, ny) cells that are solid at the height."""
         return self.room.occupancy[:, :, self.layer] == Cell.SOLID
 
     @cached_property
     def below(self) -> NDArray[np.bool_]:
-        """Which of the (nx, ny) cells are air at the height and solid somewhere below it."""
+        """True in the (nx, ny) cells that are air at the height and solid somewhere below it."""
         return (self.room.occupancy[:, :, : self.layer] == Cell.SOLID).any(axis=2) & ~self.solid
 
     @cached_property
     def openings(self) -> tuple[PlanOpening, ...]:
-        """Openings of the room, in its order."""
+        """Openings of the room, in their order."""
         return tuple(self._seen_from_above(opening) for opening in self.room.openings)
 
     def _seen_from_above(self, opening: Opening) -> PlanOpening:
@@ -113,10 +113,10 @@ class PlanView:
         return np.array(self.grid.origin_m[:2]) + lines * self.grid.cell_m
 
 
-# Lines along y between cells and what is no cell, in cells: (n, 2, 2).
+# Border lines of cells along y, in cells: (n, 2, 2).
 def _border_lines(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
     padded = np.pad(cells, 1)
-    # A line goes on only where the same side of it is solid.
+    # A line continues only where the same side of it is solid.
     side = np.diff(padded.astype(np.int8), axis=0)[:, 1:-1]
     lines = [np.zeros((0, 2, 2), dtype=np.int64)]
     for sign in (1, -1):
@@ -132,9 +132,9 @@ def is_cut(box: Box, height_m: float) -> bool:
 
 
 def visible_boxes(environment: Environment) -> list[Box]:
-    """Return obstacles and walls that stand in the room, without doors that move.
+    """Return the obstacles and the walls inside the room, without doors that move.
 
-    Walls that close the room lie outside its air: plans and recordings have an outline in their place.
+    The outer walls lie outside its air: plans and recordings have an outline in their place.
     """
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
     moving = {box.name for box in find_door_boxes(environment)}
@@ -150,15 +150,15 @@ def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.floa
 
 
 def space_arrows(is_air: NDArray[np.bool_], per_side: int) -> tuple[NDArray[np.int64], int]:
-    """Return the cells at which arrows stand in a plane, about so many along its longer side.
+    """Return the cells of a plane with arrows.
 
     Args:
         is_air: (n, m) cells of the plane that are air; the others have no arrow.
-        per_side: Arrows along the longer side.
+        per_side: Approximate number of arrows along the longer side.
 
     Returns:
-        (k, 2) indices of cells, and the spacing of arrows in cells. An arrow stands for a square of that side around
-        the cell, whose middle is `(cells + spacing / 2 - spacing // 2)` cells from the corner of the plane.
+        (k, 2) indices of cells, and the spacing of arrows in cells. An arrow represents a square of that side around
+        the cell, with its middle `(cells + spacing / 2 - spacing // 2)` cells from the corner of the plane.
     """
     spacing = max(1, round(max(is_air.shape) / per_side))
     some = slice(spacing // 2, None, spacing)
@@ -166,18 +166,18 @@ def space_arrows(is_air: NDArray[np.bool_], per_side: int) -> tuple[NDArray[np.i
 
 
 def scale_of_arrows(speeds_m_s: NDArray[np.floating], spacing_m: float) -> float:
-    """Return how long an arrow is for a speed [m per m/s]; 0 where the air is still.
+    """Return the length of an arrow per speed [m per m/s]; 0 in still air.
 
     Args:
         speeds_m_s: (…) speeds at all arrows.
-        spacing_m: Their spacing [m], or in whatever unit they are drawn.
+        spacing_m: Their spacing [m], or in any other unit of the drawing.
     """
     reference_m_s = float(np.percentile(speeds_m_s, REFERENCE_PERCENTILE)) if speeds_m_s.size else 0.0
     return REFERENCE_LENGTH_SPACINGS * spacing_m / reference_m_s if reference_m_s > 0 else 0.0
 
 
 def arrow_vectors(winds_m_s: NDArray[np.floating], spacing_m: float, m_per_m_s: float) -> NDArray[np.floating]:
-    """Return (…, k) arrows for winds (…, k) [m/s], in proportion to the speed up to `MAX_LENGTH_SPACINGS`."""
+    """Return (…, k) arrows for winds (…, k) [m/s], proportional to the speed up to `MAX_LENGTH_SPACINGS`."""
     lengths_m = np.linalg.norm(winds_m_s, axis=-1) * m_per_m_s
     shorten = np.minimum(1.0, MAX_LENGTH_SPACINGS * spacing_m / np.maximum(lengths_m, 1e-9))
     return winds_m_s * (m_per_m_s * shorten)[..., None]
@@ -192,7 +192,7 @@ class PixelScale:
         room_px: Width and height of the room in it.
         origin_px: Pixel of the room's lower left corner.
         origin_m: That corner, world frame [m].
-        px_per_m: Pixels for a metre.
+        px_per_m: Pixels per metre.
     """
 
     size_px: tuple[int, int]
@@ -203,7 +203,7 @@ class PixelScale:
 
     @classmethod
     def fit(cls, plan: PlanView, size_px: tuple[int, int], margin_px: int = 0) -> "PixelScale":
-        """Return the scale at which a plan fills a picture, but for a margin, and stands in its middle."""
+        """Return the scale at which a plan fills a picture within a margin, centred."""
         x0, x1, y0, y1 = plan.extent_m
         length_m, width_m = x1 - x0, y1 - y0
         px_per_m = min((size_px[0] - 2 * margin_px) / length_m, (size_px[1] - 2 * margin_px) / width_m)
@@ -218,14 +218,14 @@ class PixelScale:
 
     @classmethod
     def for_long_side(cls, plan: PlanView, long_side_px: int, margin_px: int = 0) -> "PixelScale":
-        """Return the scale of a picture in which the room's longer side has so many pixels, with a margin around."""
+        """Return the scale of a picture with a number of pixels along the room's longer side, and a margin around."""
         x0, x1, y0, y1 = plan.extent_m
         px_per_m = long_side_px / max(x1 - x0, y1 - y0)
         width, height = (round(side_m * px_per_m) + 2 * margin_px for side_m in (x1 - x0, y1 - y0))
         return cls.fit(plan, (width, height), margin_px)
 
     def pixel(self, place_m: Sequence[float] | NDArray[np.floating]) -> tuple[float, float]:
-        """Return where in the picture, right and down, a place in the room is drawn [m]."""
+        """Return the pixel, right and down, of a place [m] in the room."""
         (left, bottom), (x0, y0) = self.origin_px, self.origin_m
         return left + (float(place_m[0]) - x0) * self.px_per_m, bottom - (float(place_m[1]) - y0) * self.px_per_m
 

@@ -1,4 +1,4 @@
-"""Positions in an environment: where sources and vehicles can be, checked, and drawn at random if a scenario asks."""
+"""Positions of sources and vehicles in an environment: checks, and random draws for scenarios that want them."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
+from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text, span_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import door_box, find_variants, variant_scenarios
@@ -22,22 +22,25 @@ from gslcosim.scenario.models.events import DoorClosesSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import AgentSpec, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
 
 MAX_VARIANTS = 16
-# Above the floor: as high as the bundled scenarios' starts [m].
+# Height above the floor of the bundled scenarios' starts [m].
 START_HEIGHT_M = 0.2
+# Heights of random sources above the floor, where there is air between them [m].
+SOURCE_HEIGHTS_M = (0.5, 3.0)
 N_TRIES = 10_000
+_IN_AIR = "a point in the room's air"
 
 
 def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
-    """Return what is wrong with the room of a scenario and with the places in it, without solving any wind.
+    """Return the problems of a scenario's room and of the places in it, without solving any wind.
 
     Args:
         scenario: Its environment, sources and vehicles; its wind gives the room's cells.
-        scenario_dir: What a relative `environment.path` is relative to; the working directory if absent.
+        scenario_dir: Base folder of a relative `environment.path`; the working directory if absent.
 
     Returns:
-        All problems of the room; if it has none, all problems of the places; empty when all is well.
+        All problems of the room; if it has none, all problems of the places.
     """
-    # What builds geometry loads a compiler, which a run in a room that is there already does not need.
+    # The builder of geometry loads a compiler, which a run in a cached room does not need.
     from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
 
     spec = scenario.environment
@@ -65,44 +68,39 @@ def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = No
 
 
 def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> list[Problem]:
-    """Return what is wrong with the places that a scenario names in a room; empty when all is well.
+    """Return the problems of a scenario's places in a room.
 
-    Sources must be in air, wherever they move, and so must probes; vehicles must start in air, touch nothing but the
+    Sources must be in air, also after a move, and so must probes; vehicles must start in air, touch nothing but the
     floor, have room to rise to their search height, and not overlap.
     """
     problems = find_point_problems(_list_points(scenario), room)
     problems += find_moving_door_problems(scenario, room)
     for i, agent in enumerate(scenario.agents):
         path = f"agents[{i}].vehicle"
-        problems += [
-            problem
-            for problem in (
-                _problem_of_height(agent.vehicle, room, f"{path}.search_height_m"),
-                _problem_of_start(agent.vehicle, room, f"{path}.start_m"),
-            )
-            if problem
-        ]
+        height_problem = _problem_of_height(agent.vehicle, room, f"{path}.search_height_m")
+        start_problem = _problem_of_start(agent.vehicle, room, f"{path}.start_m")
+        problems += [problem for problem in (height_problem, start_problem) if problem]
     return problems + _problems_of_neighbours(scenario.agents)
 
 
 def find_point_problems(points_m: Sequence[tuple[str, Vec3]], room: EnvironmentGeometry) -> list[Problem]:
-    """Return a problem for each point, given with the place where it was written, that is not in a room's air."""
+    """Return a problem for each point outside a room's air; points come with their places in the scenario."""
     problems = (_problem_of_point(point_m, room, path) for path, point_m in points_m)
     return [problem for problem in problems if problem]
 
 
 def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> Iterator[Problem]:
-    """Yield what is wrong with the events of a scenario's doors in its room.
+    """Yield the problems of the door events of a scenario in its room.
 
-    A door may not close on a vehicle's start, a source or a probe, and events may not make more than `MAX_VARIANTS`
+    A door may not close on a vehicle's start, a source or a probe, and events may not need more than `MAX_VARIANTS`
     rooms.
     """
-    n_situations = len(find_variants(scenario))
-    if n_situations > MAX_VARIANTS:
+    n_variants = len(find_variants(scenario))
+    if n_variants > MAX_VARIANTS:
         yield Problem(
             where="events",
             expected=f"at most {MAX_VARIANTS} combinations of closed doors and inlets, each of which is a room",
-            found=f"{n_situations}",
+            found=f"{n_variants}",
             remedy="Give the events of doors and wind times (at_s): then only those that follow each other count.",
         )
     doors = {door.name: door_box(door) for door in scenario.environment.doors}
@@ -122,11 +120,11 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> 
 def find_blocking_boxes(
     starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry
 ) -> list[list[str]]:
-    """Return the names of the boxes, except the floor, that reach into the column from each start up to search height.
+    """Return the names of the boxes, except the floor, in the column from each start up to the search height.
 
     Args:
         starts_m: (n, 3) places, world frame [m].
-        vehicle: What would start there.
+        vehicle: The vehicle to start there.
         room: The room.
     """
     body = vehicle.facts.body
@@ -140,23 +138,23 @@ def find_blocking_boxes(
         low, high = np.asarray(box.min_m), np.asarray(box.max_m)
         beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
         is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
-        # What ends below the start carries the vehicle; only what rises above it is in the way.
+        # A box that ends below the start carries the vehicle; only one that rises above it is in the way.
         for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
             hits[i].append(box.name)
     return hits
 
 
 def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry) -> bool:
-    """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
+    """Return whether a vehicle can start at a point of the world frame [m] and rise there to its search height."""
     is_free = _what_is_at(start_m, room) is None
     return is_free and not find_blocking_boxes(np.asarray([start_m]), vehicle, room)[0]
 
 
 def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry) -> Vec3 | None:
-    """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
+    """Return the possible start nearest to a vehicle's start, at the same height; None without one."""
     start_m = np.asarray(vehicle.start_m)
     for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
-        # At the height that was asked for, where it is a height in the room.
+        # At the scenario's height, where it is inside the room.
         if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
             candidates_m[:, 2] = start_m[2]
         distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
@@ -168,49 +166,47 @@ def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry) -> Vec3 | N
 
 
 def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry) -> Vec3 | None:
-    """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
+    """Return the centre of the air cell nearest to a point, world frame [m]; None without air."""
     for centres_m, reach_m in _growing_surroundings(position_m, room):
         distances_m = np.linalg.norm(centres_m - np.asarray(position_m), axis=1)
-        # Only cells within the reach are surely nearer than those outside the surroundings.
+        # Only cells within the reach are certainly nearer than those outside the surroundings.
         if len(distances_m) and distances_m.min() <= reach_m:
             return _rounded(centres_m[int(np.argmin(distances_m))])
     return None
 
 
-def random_free_point_m(
-    room: EnvironmentGeometry, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
-) -> Vec3:
-    """Return a point of the air, drawn evenly between two heights above the floor [m], for example for a source.
+def random_free_point_m(room: EnvironmentGeometry, rng: np.random.Generator) -> Vec3:
+    """Return a point for a source, drawn evenly from the air between `SOURCE_HEIGHTS_M` and a cell away from solids.
 
-    All air of a room can be reached from its openings. Points keep a cell away from solids, where there are such.
+    Where there is none, any height will do, and at last any air.
     """
     grid = room.grid
     is_air = room.occupancy != Cell.SOLID
     height_m = grid.axis_centres_m(2) - grid.origin_m[2]
-    is_clear, is_between = _is_clear(is_air), (height_m >= heights_m[0]) & (height_m <= heights_m[1])
+    is_between = (height_m >= SOURCE_HEIGHTS_M[0]) & (height_m <= SOURCE_HEIGHTS_M[1])
+    is_clear = _is_clear(is_air)
     for is_wanted in (is_clear & is_between, is_clear, is_air):
         cells = np.argwhere(is_wanted)
         if len(cells):
-            point_m = (cells[int(rng.integers(len(cells)))] + 0.5) * grid.cell_m
-            return _rounded(np.asarray(grid.origin_m, dtype=np.float64) + point_m)
+            return _rounded(grid.centres_of(cells[int(rng.integers(len(cells)))]))
     raise EnvironmentDataError(f"{room.name}: expected air to put a source in, was none.")
 
 
 def draw_positions(
     spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path, seed: int, wanted: Sequence[RandomPosition]
 ) -> Mapping[str, Vec3]:
-    """Return a place for each that is wanted and for which there is one, each from a random stream of its own.
+    """Return places for random positions, each from a random stream of its own; those without a place are missing.
 
-    Sources come between 0.5 and 3 m above the floor and a cell from solids where there are such places; vehicles
-    stand on the floor with space around them up to their search height, and not within a metre of another's place. One
-    with `avoidance` stands where its planner leads to the largest connected space.
+    Sources are at points of `random_free_point_m`; vehicles stand on the floor with free space up to their search
+    height, at least a metre from other places. The start of a vehicle with `avoidance` has a path to the largest
+    connected space.
 
     Args:
-        spec: What the scenario says of its environment.
+        spec: The scenario's environment block.
         wind: Gives a generated room its cells.
-        scenario_dir: What relative paths are relative to.
-        seed: The scenario's.
-        wanted: What places are wanted for.
+        scenario_dir: Base folder of relative paths.
+        seed: Seed of the scenario.
+        wanted: The positions to draw.
     """
     room = read_room(spec, wind, scenario_dir)
     places: dict[str, Vec3] = {}
@@ -238,7 +234,7 @@ def read_room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> En
         return None
 
 
-# The sources, where they move, and the probes, each with its place in the scenario.
+# Sources, targets of their moves, and probes, each with its place in the scenario.
 def _list_points(scenario: Scenario) -> list[tuple[str, Vec3]]:
     points = [(f"gas.sources[{i}].position_m", source.position_m) for i, source in enumerate(scenario.gas.sources)]
     points += [
@@ -263,21 +259,17 @@ def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) ->
     if found is None:
         return None
     free_m = nearest_free_point_m(position_m, room)
-    return Problem(
-        where=path,
-        expected="a point in the room's air",
-        found=f"{point_text(position_m)}, {found}",
-        remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
-    )
+    remedy = f"Nearest free point: {point_text(free_m)}." if free_m else ""
+    return Problem(where=path, expected=_IN_AIR, found=f"{point_text(position_m)}, {found}", remedy=remedy)
 
 
-# Says what is at a point when it is not air; nothing when it is.
+# Description of a point that is not air; None for air.
 def _what_is_at(position_m: Vec3, room: EnvironmentGeometry) -> str | None:
     grid = room.grid
     cell = grid.cell_of(np.asarray(position_m))
     if not bool(grid.contains_cell(cell)):
-        return f"outside the room, which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
-    # A box is solid although its cell is not, where it does not hold the cell's centre.
+        return f"outside the room, which reaches from {span_text(grid.origin_m, grid.max_m)}"
+    # A box that does not hold its cell's centre is solid, but the cell is not.
     for box in room.boxes:
         if all(low <= p < high for low, p, high in zip(box.min_m, position_m, box.max_m, strict=True)):
             return f"inside {box.name}"
@@ -303,7 +295,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: st
 
 
 def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
-    expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
+    expected, found = _IN_AIR, _what_is_at(vehicle.start_m, room)
     if found is None:
         hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
         if not hits:
@@ -314,12 +306,8 @@ def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str
         )
         found = f"{', '.join(hits)} in it"
     free_m = nearest_start_m(vehicle, room)
-    return Problem(
-        where=path,
-        expected=expected,
-        found=f"{point_text(vehicle.start_m)}, {found}",
-        remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
-    )
+    remedy = f"Nearest free start: {point_text(free_m)}." if free_m else ""
+    return Problem(where=path, expected=expected, found=f"{point_text(vehicle.start_m)}, {found}", remedy=remedy)
 
 
 def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
@@ -341,8 +329,8 @@ def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
     return problems
 
 
-# Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which none is missing;
-# the surroundings grow until they are the whole room. `is_level` keeps them to the layer of cells at the point.
+# Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which they are complete;
+# the surroundings grow up to the whole room. `is_level` limits them to the layer of cells at the point.
 def _growing_surroundings(
     position_m: Vec3, room: EnvironmentGeometry, *, is_level: bool = False
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
@@ -357,17 +345,12 @@ def _growing_surroundings(
             is_level or high[2] - low[2] == grid.shape[2]
         )
         reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
-        yield _air_centres_m(room, low, high), reach_m
+        window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        yield grid.centres_of(np.argwhere(room.occupancy[window] != Cell.SOLID) + low), reach_m
         reach *= 4
 
 
-def _air_centres_m(room: EnvironmentGeometry, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
-    return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
-
-
-# Air whose six neighbours are air too; the walls around the grid are solid.
+# Air with six neighbours of air; the walls around the grid are solid.
 def _is_clear(is_air: NDArray[np.bool_]) -> NDArray[np.bool_]:
     padded = np.pad(is_air, 1)
     inner = slice(1, -1)
@@ -397,10 +380,10 @@ def _random_start_m(
 
 
 class _EscapePath:
-    """Check that a vehicle that plans its ways gets off the ground and away from its start.
+    """Check that a vehicle with a planner gets off the ground and away from its start.
 
-    Its planner and its autopilot look at cells, which reach farther than what is in them: a start beside a wall, with
-    room enough for the vehicle, may be none for them.
+    Planner and autopilot depend on whole cells, which are larger than the boxes in them: a start beside a wall, with
+    enough space for the vehicle, may be blocked for them.
     """
 
     def __init__(self, room: EnvironmentGeometry, vehicle: VehicleSpec) -> None:
@@ -417,17 +400,15 @@ class _EscapePath:
         sizes = np.bincount(self._free_cells.parts[self._free_cells.parts > 0], minlength=2)
         self._largest = int(sizes.argmax())
 
-    # A start too near to something is left to the nearest free place in sight, as in flight.
+    # A vehicle too near to an obstacle moves to the nearest free place in sight, as during a run.
     def leads_from(self, start_m: Vec3) -> bool:
-        if not (self._vehicle.drives or self._rises_from(start_m)):
-            return False
+        if not self._vehicle.drives:
+            wanted_m = self._vehicle.search_height_m
+            to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
+            if not is_climb_sufficient(start_m[2], to_m, wanted_m):
+                return False
         place_m = self._free_cells.nearest_m((start_m[0], start_m[1], self._path_height_m), in_sight=True)
         return place_m is not None and self._free_cells.part_of(place_m) == self._largest
-
-    def _rises_from(self, start_m: Vec3) -> bool:
-        wanted_m = self._vehicle.search_height_m
-        to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
-        return is_climb_sufficient(start_m[2], to_m, wanted_m)
 
 
 def _rounded(point_m: Iterable[float]) -> Vec3:

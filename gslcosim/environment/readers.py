@@ -30,12 +30,12 @@ class RoomReader:
     """Reader of the rooms that a key of `environment` names.
 
     Attributes:
-        read: Returns the room of an environment, a wind's inlets and the scenario's folder. Raises `ScenarioError` for
-            an impossible room, `EnvironmentDataError` for files that are not what they should be.
-        find_problems: Returns all that keeps the room from being read, with the places in the scenario.
+        read: Returns the room of an environment block, a wind block (for the inlets) and the scenario's folder. Raises
+            `ScenarioError` for an impossible room, `EnvironmentDataError` for faulty files.
+        find_problems: Returns all problems of reading the room, with the places in the scenario.
         read_wind: Returns the wind that the environment brings, None where it brings none; absent for formats without
             wind. Warnings are for the user.
-        scale: The key by which its lengths become metres, and the sentence that says how; absent: they are in metres.
+        scale: Key that converts its lengths to metres, and the sentence of the remedy; absent: they are in metres.
     """
 
     read: Callable[[EnvironmentSpec, SolverSpec, Path | None], EnvironmentGeometry]
@@ -50,9 +50,9 @@ class WindSetup:
 
     Attributes:
         room: Geometry, occupancy and openings.
-        environment: Where the room comes from; it may bring its wind.
-        scenario_dir: What relative paths are relative to.
-        progress: Receives what is being done and how much of it is over, from 0 to 1.
+        environment: Origin of the room; it may bring its wind.
+        scenario_dir: Base folder of relative paths.
+        progress: Receives the current step and its fraction done, from 0 to 1.
     """
 
     room: EnvironmentGeometry
@@ -61,7 +61,7 @@ class WindSetup:
     progress: Progress
 
 
-# Returns the wind in the cells of a room; raises `EnvironmentDataError` or `FlowError` where there is none that fits.
+# Returns the wind in the cells of a room; raises `EnvironmentDataError` or `FlowError` where none fits.
 WindSource = Callable[[WindSpec, WindSetup], WindFrames]
 
 
@@ -75,7 +75,7 @@ def find_room_reader(spec: EnvironmentSpec) -> RoomReader:
 
 
 def find_wind_source(kind: str) -> WindSource:
-    """Return what reads or solves the winds of a kind, `file` or `openfoam`, outside of the core.
+    """Return the source of the winds of a kind, `file` or `openfoam`, from an extension.
 
     Raises:
         EnvironmentDataError: no installed extension has it.
@@ -84,12 +84,12 @@ def find_wind_source(kind: str) -> WindSource:
 
 
 def as_callable(offered: object) -> Callable[..., Any] | None:
-    """Return a function of an extension, None where it is something else."""
+    """Return a function of an extension; None where it is something else."""
     return offered if callable(offered) else None
 
 
 def name_room_key(spec: EnvironmentSpec) -> str:
-    """Return the key of a scenario that an environment comes from: `environment.gaden`."""
+    """Return the key of a scenario with the origin of its environment, such as `environment.gaden`."""
     return f"environment.{next(key for key in type(spec).model_fields if getattr(spec, key) is not None)}"
 
 

@@ -1,15 +1,14 @@
 """Environment folder: an environment with its wind on disk, format version 1, and its meshes as glTF.
 
-environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
+environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, recipe (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
-    visual.glb         meshes to be looked at (glTF 2.0, y up, metres; see `VisualMesh`); only where the header's
-                       `meshes` names any: rooms from somebody's own geometry
+    visual.glb         meshes for pictures (glTF 2.0, y up, metres; see `VisualMesh`); only where the header's
+                       `meshes` names any: rooms from geometry files
     scene.xml          the boxes as MJCF, for other programs; may be absent
     top_view.png       a picture from above, for people; may be absent
-    checksums.json     hashes of the files above, by which a change is found; see `gslcosim.base.checksums`
-    wind_report.json   how well the built-in solver solved the wind, and wind_history.png, a plot of its steps; may be
-                       absent
+    checksums.json     hashes of the files above, which reveal a change; see `gslcosim.base.checksums`
+    wind_report.json   quality of the built-in solver's wind, and wind_history.png, a plot of its steps; may be absent
 
 Arrays are numpy's own format (version 1 or newer), C order, little-endian, index order x, y, z.
 All lengths are metres in the world frame; cell (0, 0, 0) touches `grid.origin_m`.
@@ -34,7 +33,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gslcosim.base.checksums import CHECKSUMS_FILE, check_files, write_checksums
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.untrusted_input import MalformedFileError, describe_validation_errors
 from gslcosim.environment.model import (
     Box,
@@ -45,6 +43,7 @@ from gslcosim.environment.model import (
     Opening,
     WindFrames,
     content_hash,
+    freeze_array,
 )
 from gslcosim.environment.visual_meshes import encode_glb, load_visual_meshes
 
@@ -55,14 +54,8 @@ WIND_FILE: Final = "wind.npy"
 K_EPSILON_FILE: Final = "k_epsilon.npy"
 MESHES_FILE: Final = "visual.glb"
 EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "k_epsilon.npy", "visual.glb"]
-"""Name of a file that is part of an environment; the others are for people and other programs."""
-ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (
-    HEADER_FILE,
-    OCCUPANCY_FILE,
-    WIND_FILE,
-    K_EPSILON_FILE,
-    MESHES_FILE,
-)
+"""Name of a file that is part of an environment; other files are for people and other programs."""
+ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, K_EPSILON_FILE, MESHES_FILE)
 REQUIRED_FILES: frozenset[EnvironmentFile] = frozenset({HEADER_FILE, OCCUPANCY_FILE, WIND_FILE})
 SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
@@ -70,68 +63,41 @@ REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
 _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-# Three levels are needed; names may hold brackets that are not closed, which count as well.
+# The format needs three levels; unclosed brackets in names count as well.
 _DEEPEST = 1000
 # Boxes and meshes of a large building.
 _MAX_HEADER_BYTES = 64_000_000
 
 
 def data_error(path: Path, expected: str, found: str, *, remedy: str = "") -> EnvironmentDataError:
-    """Return the error of a file that is not as expected."""
+    """Return the error of a faulty file."""
     tail = f" {remedy}" if remedy else ""
     return EnvironmentDataError(f"{path.name}: expected {expected}, was {found}.{tail}\nFile: {path}")
 
 
 def load_npy(path: Path) -> NDArray[Any]:
-    """Return the array of a `.npy` file, memory-mapped: no memory is asked for what the file does not hold."""
+    """Return the array of a `.npy` file, memory-mapped, so that a false size in its head allocates no memory."""
     if not path.is_file():
         raise data_error(path, "an array", "missing")
     try:
         with warnings.catch_warnings(action="ignore"):
             mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-    # The head is Python text, and a faulty one raises whatever the tokenizer, the parser or numpy's types do.
+    # The head is Python text: a faulty one raises any error of the tokenizer, the parser or numpy's types.
     except Exception as error:
         n_bytes = path.stat().st_size
         raise data_error(path, "a whole numpy array", f"{n_bytes} bytes that are not ({error})") from error
     if not isinstance(mapped, np.ndarray):
         raise data_error(path, "one numpy array", "an archive of them")
-    # Bytes doubled in the middle shift all that follow, and leave some over.
+    # Duplicated bytes in the middle shift all later ones, and leave some at the end.
     n_left = path.stat().st_size - getattr(mapped, "offset", 0) - mapped.nbytes
     if n_left:
         raise data_error(path, "a numpy array and nothing else", f"{n_left} bytes more")
-    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
+    # A plain view: a memmap object would take the slow path of compiled kernels.
     return np.asarray(mapped)
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
-
-
-class _GridPart(_Part):
-    origin_m: Vec3
-    cell_m: float = Field(gt=0)
-    shape: tuple[int, int, int]
-
-
-class _BoxPart(_Part):
-    name: str
-    kind: Literal["wall", "floor", "ceiling", "obstacle"]
-    min_m: Vec3
-    max_m: Vec3
-    rgba: tuple[float, float, float, float]
-
-
-class _OpeningPart(_Part):
-    name: str
-    kind: Literal["inlet", "outlet", "open"]
-    min_m: Vec3
-    max_m: Vec3
-    velocity_m_s: Vec3
-
-
-class _LightPart(_Part):
-    name: str
-    position_m: Vec3
 
 
 class _WindPart(_Part):
@@ -144,11 +110,11 @@ class _Header(_Part):
     format: str
     name: str
     content_hash: str
-    grid: _GridPart
+    grid: Grid
     wind: _WindPart
-    boxes: tuple[_BoxPart, ...]
-    openings: tuple[_OpeningPart, ...]
-    lights: tuple[_LightPart, ...] = ()
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    lights: tuple[Light, ...] = ()
     meshes: tuple[str, ...] = ()
 
 
@@ -160,16 +126,16 @@ def save_environment(
     notices: Sequence[str] = (),
     extras: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Write an environment to a folder: at once and whole, or not at all.
+    """Write an environment to a folder atomically.
 
-    The folder is written beside its place and then renamed to it. An environment that stands there is replaced,
-    unless it is the same: then it stays untouched. Several processes may save to one folder at the same time.
+    The files are written to a folder beside the target, which is then renamed. It replaces another environment; an
+    equal one stays untouched. Several processes may save to one folder at the same time.
 
     Args:
-        environment: What to save.
-        folder: Where; its parents are made.
-        made_from: Plain values that say how it was made, kept for people in environment.yaml.
-        notices: Sentences on what was done differently from what was asked, kept for people in environment.yaml.
+        environment: The environment.
+        folder: Target; missing parents are created.
+        made_from: Plain values of its recipe, kept for people in environment.yaml.
+        notices: Sentences about deviations from the scenario, kept for people in environment.yaml.
         extras: Further files by name, such as `PICTURE_FILE`.
     """
     _check_finite(environment.wind.velocity_m_s, folder / WIND_FILE)
@@ -194,41 +160,45 @@ def save_environment(
 
 
 def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
-    """Return the environment that a folder holds, its wind memory-mapped and all its arrays read-only.
+    """Return the environment in a folder, its wind memory-mapped and all its arrays read-only.
 
-    Its files are compared with their checksums. Where the cache has not signed these, the content hash is computed,
-    which takes longer where there are meshes, and compared with that of the header where there are checksums.
+    Its files are compared with their checksums. Where these do not bear the signature of this cache, the content hash
+    is computed, which takes longer with meshes, and compared with that of the header if there are checksums.
 
     Args:
         folder: The environment folder.
-        with_meshes: Also read the meshes to be looked at, which nothing but pictures needs.
+        with_meshes: Also read the meshes, which only pictures need.
     """
     is_ours = False
     with contextlib.suppress(MalformedFileError):
         is_ours = check_files(folder, *ENVIRONMENT_FILES)
     header = _load_header(folder)
-    grid = Grid(**header.grid.model_dump())
+    grid = header.grid
     has_meshes = bool(header.meshes) and (with_meshes or not is_ours)
+    occupancy = _load_occupancy(folder / OCCUPANCY_FILE, grid)
+    velocity_m_s = _load_array(folder / WIND_FILE, np.dtype("<f4"), (None, *grid.shape, 3))
+    if not is_ours:  # files with the signature of this cache were finite when they were saved
+        _check_finite(velocity_m_s, folder / WIND_FILE)
     environment = Environment(
         name=header.name,
         grid=grid,
-        occupancy=_load_occupancy(folder / OCCUPANCY_FILE, grid),
+        occupancy=occupancy,
         wind=WindFrames(
-            velocity_m_s=_load_wind(folder / WIND_FILE, grid, is_finite=is_ours),
+            velocity_m_s=velocity_m_s,
             period_s=header.wind.period_s,
             is_looping=header.wind.is_looping,
             k_epsilon=_load_k_epsilon(folder / K_EPSILON_FILE, grid) if header.wind.has_k_epsilon else None,
         ),
-        boxes=tuple(Box(**box.model_dump()) for box in header.boxes),
-        openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
+        boxes=header.boxes,
+        openings=header.openings,
         content_hash=header.content_hash,
-        lights=tuple(Light(**light.model_dump()) for light in header.lights),
+        lights=header.lights,
         meshes=load_visual_meshes(folder / MESHES_FILE, header.meshes) if has_meshes else (),
     )
     if is_ours:
         return environment
     found = content_hash(environment, environment.wind)
-    # One without checksums was written by another program, or is of an older version.
+    # A folder without checksums is from another program or an older version.
     if found != header.content_hash and (folder / CHECKSUMS_FILE).is_file():
         raise EnvironmentDataError(
             f"content_hash: expected {header.content_hash}, was {found}. A file was changed after it was saved; make "
@@ -258,7 +228,7 @@ def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, 
     return yaml.safe_dump(_plain(header), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
 
 
-# YAML knows lists, not tuples.
+# YAML has lists, but no tuples.
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
@@ -267,14 +237,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
-# Renaming a folder onto one that is not empty fails, on every system; the second one then looks at what the
-# first has put there.
+# Renaming a folder onto one that is not empty fails on every system; the second process then checks the folder of the
+# first.
 def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
     for _ in range(100):
         try:
             beside.rename(folder)
         except OSError as error:
-            # Something stood there; another process may have taken it away by now.
+            # A folder was there; another process may have removed it by now.
             was_taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST)
             if not was_taken and not (error.errno in (errno.ENOTDIR, errno.EACCES) and folder.exists()):
                 raise
@@ -290,12 +260,12 @@ def _is_whole(folder: Path, content_hash: str) -> bool:
     try:
         return load_environment(folder).content_hash == content_hash
     except (EnvironmentDataError, FileNotFoundError):
-        # The second: another process took the folder away while it was read.
+        # The second: another process removed the folder during the reading.
         return False
 
 
-# Moves an old environment out of the way in one step, and never touches anything else. Another process may do the
-# same at any moment; then the folder is gone, or is another one, and the caller tries again.
+# Moves an old environment aside in one step, and never touches anything else. Another process may do the same at any
+# moment; then the folder is gone or replaced, and the caller tries again.
 def _clear(folder: Path) -> None:
     aside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}.old")
     try:
@@ -322,12 +292,12 @@ def _load_header(folder: Path) -> _Header:
         text = read_regular_file(path, max_bytes=_MAX_HEADER_BYTES).decode()
         _check_nesting(text)
         values = yaml.load(text, Loader=_YAML_LOADER)
-    # Numbers of thousands of digits, dates that there are not and empty numbers (`!!int ""`) are no YAMLError.
+    # Numbers of thousands of digits, impossible dates and empty numbers (`!!int ""`) raise no YAMLError.
     except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
-        raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
+        raise data_error(path, "YAML", str(error)) from error
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__
-        raise EnvironmentDataError(f"{HEADER_FILE}: expected format: {FORMAT}, was {found}.\nFile: {path}")
+        raise data_error(path, f"format: {FORMAT}", found)
     try:
         return _Header.model_validate(values)
     except ValidationError as error:
@@ -335,7 +305,7 @@ def _load_header(folder: Path) -> _Header:
         raise EnvironmentDataError("\n".join([*lines, f"File: {path}"])) from error
 
 
-# The parser in C goes one call deeper for each level, until the process crashes.
+# The parser in C makes one nested call for each level, until the process crashes.
 def _check_nesting(text: str) -> None:
     codes = np.frombuffer(text.encode(), np.uint8)
     opens, closes = (np.isin(codes, np.frombuffer(marks, np.uint8)) for marks in (b"[{", b"]}"))
@@ -348,25 +318,15 @@ def _load_occupancy(path: Path, grid: Grid) -> NDArray[np.uint8]:
     occupancy = _load_array(path, np.dtype(np.uint8), grid.shape)
     if occupancy.max(initial=0) > max(Cell):
         codes = ", ".join(f"{cell.value} {cell.name.lower()}" for cell in Cell)
-        raise EnvironmentDataError(f"{path.name}: expected {codes}, was {occupancy.max()}.\nFile: {path}")
+        raise data_error(path, codes, str(occupancy.max()))
     return occupancy
-
-
-# What this cache has signed was finite when it was saved.
-def _load_wind(path: Path, grid: Grid, *, is_finite: bool) -> NDArray[np.float32]:
-    velocity_m_s = _load_array(path, np.dtype("<f4"), (None, *grid.shape, 3))
-    if not is_finite:
-        _check_finite(velocity_m_s, path)
-    return velocity_m_s
 
 
 def _load_k_epsilon(path: Path, grid: Grid) -> NDArray[np.float32]:
     k_epsilon = _load_array(path, np.dtype("<f4"), (*grid.shape, 2))
-    # A comparison with what is not a number is false.
+    # A comparison with NaN is false.
     if not bool(((k_epsilon >= 0) & (k_epsilon < np.inf)).all()):
-        raise EnvironmentDataError(
-            f"{path.name}: expected finite values of at least 0, was something else.\nFile: {path}"
-        )
+        raise data_error(path, "finite values of at least 0", "something else")
     return k_epsilon
 
 
@@ -375,18 +335,12 @@ def _load_array(path: Path, dtype: np.dtype[Any], shape: tuple[int | None, ...])
     is_shape = array.ndim == len(shape) and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
     if not is_shape or array.dtype != dtype or array.shape[0] == 0:
         want = f"{dtype.name} ({', '.join('t >= 1' if n is None else str(n) for n in shape)})"
-        raise EnvironmentDataError(
-            f"{path.name}: expected {want}, as in the grid of {HEADER_FILE}, was {array.dtype.name} {array.shape}."
-            f"\nFile: {path}"
-        )
-    if not array.flags.c_contiguous:
-        array = np.ascontiguousarray(array)
-        array.setflags(write=False)
-    return array
+        raise data_error(path, f"{want}, as in the grid of {HEADER_FILE}", f"{array.dtype.name} {array.shape}")
+    return array if array.flags.c_contiguous else freeze_array(np.ascontiguousarray(array))
 
 
-# The sum of squares of a frame is finite exactly when all its values are (winds are far below 1e19 m/s), and it needs
-# one pass without temporary arrays.
+# The sum of squares of a frame is finite exactly when all its values are (winds are far below 1e19 m/s), and takes one
+# pass without temporary arrays.
 def _check_finite(velocity_m_s: NDArray[np.float32], path: Path) -> None:
     for i, frame in enumerate(velocity_m_s):
         values = frame.reshape(-1)
@@ -395,6 +349,4 @@ def _check_finite(velocity_m_s: NDArray[np.float32], path: Path) -> None:
         if not is_finite:
             bad = np.argwhere(~np.isfinite(frame))
             found = f"{len(bad)} that are not, the first at {tuple(bad[0].tolist())}" if len(bad) else "above 1e19 m/s"
-            raise EnvironmentDataError(
-                f"{path.name}: expected finite velocities, was {found} of frame {i}.\nFile: {path}"
-            )
+            raise data_error(path, "finite velocities", f"{found} of frame {i}")

@@ -1,7 +1,8 @@
 """Variants of an environment during a run: doors that open and close, and winds that events bring."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.participant import Inbox
-from gslcosim.contract.record import Message
 from gslcosim.environment.model import (
     OWN_WIND,
     Box,
@@ -20,13 +20,15 @@ from gslcosim.environment.model import (
     Environment,
     EnvironmentGeometry,
     EnvironmentVariant,
-    point_text,
+    freeze_array,
+    span_text,
 )
 from gslcosim.environment.openings import cells_at, voxelize
 from gslcosim.scenario.models.events import DoorClosesSpec, DoorOpensSpec, EventSpec, WindChangesSpec
 from gslcosim.scenario.models.geometry import DoorSpec
 from gslcosim.scenario.models.scenario import Scenario, find_due_events
 
+DOORS_PATH = "environment.doors"
 DOOR_RGBA = (0.55, 0.36, 0.20, 1.0)
 
 
@@ -35,11 +37,8 @@ def door_box(door: DoorSpec) -> Box:
     return Box(name=door.name, kind="obstacle", min_m=door.min_m, max_m=door.max_m, rgba=DOOR_RGBA)
 
 
-DOORS_PATH = "environment.doors"
-
-
 def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> EnvironmentGeometry:
-    """Return a room in which the doors that are not open stand.
+    """Return a room with the boxes of its closed doors.
 
     Air that a closed door cuts off from all openings stays air: the door may open again.
 
@@ -55,9 +54,9 @@ def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> En
 
 
 def fill_still_air(room: EnvironmentGeometry) -> EnvironmentGeometry:
-    """Return a room for wind: what no opening reaches is solid, as the air stands still there.
+    """Return a room for a wind solver: still air, out of reach of all openings, becomes solid.
 
-    Solvers find no pressure in a part of the room that neither takes air in nor lets it out.
+    Solvers find no pressure in a part of the room without inlet and outlet.
     """
     if not room.openings:
         return room
@@ -68,7 +67,7 @@ def fill_still_air(room: EnvironmentGeometry) -> EnvironmentGeometry:
 
 
 def find_door_boxes(environment: Environment) -> tuple[Box, ...]:
-    """Return the boxes that are there in some situations of a run and not in others, in the order of their names."""
+    """Return the boxes of doors that move: those in some variants but not in all, in the order of their names."""
     rooms = (environment, *environment.later_rooms.values())
     boxes = {box.name: box for room in rooms for box in room.boxes}
     always = set(boxes).intersection(*({box.name for box in room.boxes} for room in rooms))
@@ -76,7 +75,7 @@ def find_door_boxes(environment: Environment) -> tuple[Box, ...]:
 
 
 def find_door_problems(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> list[Problem]:
-    """Return what is wrong with doors in a room; empty when all can be opened and closed.
+    """Return the problems of doors in a room.
 
     Args:
         room: The room with all its doors open.
@@ -104,19 +103,20 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     """Return a problem for each opening of a room that its closed doors cut off from the inlets.
 
     Args:
-        room: The room with the doors as they are.
-        path: What of the scenario is to blame.
+        room: The room with its closed doors.
+        path: Place of the problems in the scenario.
     """
     is_air = room.occupancy != Cell.SOLID
     inlets = [opening for opening in room.openings if opening.kind == "inlet"]
     from gslcosim.environment.grid_kernels import find_reachable_cells  # compiles, and most rooms have no doors
 
     is_reached = find_reachable_cells(is_air, inlets, room.grid)
+    closed = ", ".join(box.name for box in room.boxes if box.rgba == DOOR_RGBA)
     return [
         Problem(
             where=path,
             expected=f"a way for the air from the inlet to the {opening.name}, whichever doors are closed",
-            found=f"none with {', '.join(_closed_in(room))} closed",
+            found=f"none with {closed} closed",
             remedy="Move the door, or add openings to environment.layout.",
         )
         for opening in room.openings
@@ -124,19 +124,15 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     ]
 
 
-def _closed_in(room: EnvironmentGeometry) -> list[str]:
-    return [box.name for box in room.boxes if box.rgba == DOOR_RGBA]
-
-
 def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> Problem | None:
     low_m, high_m = room.grid.origin_m, room.grid.max_m
-    corners = f"{point_text(door.min_m)} to {point_text(door.max_m)} m"
+    corners = span_text(door.min_m, door.max_m)
     if any(
         a < low - 1e-9 or b > high + 1e-9 for a, b, low, high in zip(door.min_m, door.max_m, low_m, high_m, strict=True)
     ):
         return Problem(
             where=path,
-            expected=f"a door inside the room, which reaches from {point_text(low_m)} to {point_text(high_m)} m",
+            expected=f"a door inside the room, which reaches from {span_text(low_m, high_m)}",
             found=corners,
             remedy="Move it, or cut it to the room.",
         )
@@ -152,7 +148,7 @@ def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> P
 
 
 def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -> EnvironmentVariant:
-    """Return what an event of a scenario makes of a situation; the same where it is about something else."""
+    """Return the variant after an event of a scenario; the same for an event without effect on room and wind."""
     closed, i_wind = variant
     match event:
         case DoorOpensSpec():
@@ -166,22 +162,23 @@ def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -
 
 
 def first_variant(scenario: Scenario) -> EnvironmentVariant:
-    """Return the situation at the start of a run."""
+    """Return the variant at the start of a run."""
     return EnvironmentVariant(
         closed=tuple(sorted(door.name for door in scenario.environment.doors if not door.is_open))
     )
 
 
 def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
-    """Return all situations that a run may come to, the first one first.
+    """Return all variants that a run may reach, that at its start first.
 
-    Where all events that matter have a time they follow each other; with conditions any order is possible.
+    Events with times follow each other; if any has a condition instead, all orders are possible.
     """
     first = first_variant(scenario)
     mattering = [(i, event) for i, event in enumerate(scenario.events) if event.drives_wind]
     if all(event.at_s is not None for _, event in mattering):
         mattering.sort(key=lambda item: ticks_from_seconds(item[1].at_s or 0.0, scenario.tick_ns))
-        return list(dict.fromkeys(_one_after_another(first, mattering)))
+        each_after = accumulate(mattering, lambda variant, event: variant_after(variant, *event), initial=first)
+        return list(dict.fromkeys(each_after))
     found = {first: None}
     waiting = [first]
     while waiting:
@@ -195,14 +192,14 @@ def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
 
 
 def variant_scenarios(scenario: Scenario) -> list[Scenario]:
-    """Return the scenario as it is, and for each other room that its doors make one that starts in it."""
+    """Return the scenario, and for each further set of closed doors a scenario that starts with it."""
     first, *later = find_variants(scenario)
     rooms = {each.closed: scenario_in_variant(scenario, each) for each in later if each.closed != first.closed}
     return [scenario, *rooms.values()]
 
 
 def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scenario:
-    """Return the scenario whose room and wind are at the start what they are in a situation."""
+    """Return the scenario that starts with the room and wind of a variant."""
     doors = tuple(
         door.model_copy(update={"is_open": door.name not in variant.closed}) for door in scenario.environment.doors
     )
@@ -215,65 +212,48 @@ def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scen
     return scenario.model_copy(update={"environment": environment, "wind": wind})
 
 
-def _one_after_another(
-    first: EnvironmentVariant, events: Iterable[tuple[int, EventSpec]]
-) -> Iterable[EnvironmentVariant]:
-    yield first
-    variant = first
-    for i, event in events:
-        variant = variant_after(variant, i, event)
-        yield variant
-
-
 class DynamicEnvironment:
-    """The room of a scenario in the situation that its events have brought.
+    """The room of a scenario in its current variant.
 
-    Whoever holds one and reads events obeys them by itself, so that all participants switch in the same tick.
-    State: which doors are closed, and whose inlet makes the wind.
+    Each participant with an instance applies events to it, so that all of them switch in the same tick.
+
+    Attributes:
+        rooms: Rooms by variant.
+        variant: Current variant, the only state.
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Stand as at the start of a run."""
+        """Set the variant at the start of a run."""
         self._scenario = scenario
         self._first, *later = find_variants(scenario)
         lacking = [each for each in later if each not in environment.later_rooms]
         if lacking:
             raise ModelError(f"environment: expected the room that events bring with {_text(lacking[0])}, found none.")
-        self._rooms = {self._first: environment, **{each: environment.later_rooms[each] for each in later}}
-        self._closed, self._i_wind = self._first.closed, OWN_WIND
-
-    @property
-    def variant(self) -> EnvironmentVariant:
-        """Current variant: the closed doors, and whose inlet makes the wind."""
-        return EnvironmentVariant(self._closed, self._i_wind)
+        self.rooms = {self._first: environment, **{each: environment.later_rooms[each] for each in later}}
+        self.variant = self._first
 
     @property
     def now(self) -> Environment:
-        """The room and the wind as they are now."""
-        return self._rooms[self.variant]
-
-    @property
-    def rooms(self) -> dict[EnvironmentVariant, Environment]:
-        """The room in all situations that it was made for."""
-        return self._rooms
+        """Current room and wind."""
+        return self.rooms[self.variant]
 
     def by_doors(self) -> dict[Closed, Environment]:
-        """Return a room for each set of closed doors, whatever its wind; the first one first."""
-        rooms = {self._first.closed: self._rooms[self._first]}
-        for variant, room in self._rooms.items():
+        """Return a room of any wind for each set of closed doors, that at the start first."""
+        rooms: dict[Closed, Environment] = {}
+        for variant, room in self.rooms.items():
             rooms.setdefault(variant.closed, room)
         return rooms
 
     def reset(self) -> None:
-        """Stand as at the start of a run."""
-        self._closed, self._i_wind = self._first.closed, OWN_WIND
+        """Return to the variant at the start of a run."""
+        self.variant = self._first
 
     def obey(self, inbox: Inbox) -> bool:
-        """Take the events of this tick, and return whether a door has moved."""
-        closed = self._closed
+        """Apply the events of this tick, and return whether a door has moved."""
+        closed = self.variant.closed
         for i, event in find_due_events(self._scenario, inbox):
-            self._closed, self._i_wind = variant_after(self.variant, i, event)
-        return self._closed != closed
+            self.variant = variant_after(self.variant, i, event)
+        return self.variant.closed != closed
 
 
 def _text(variant: EnvironmentVariant) -> str:
@@ -282,70 +262,53 @@ def _text(variant: EnvironmentVariant) -> str:
 
 
 class ScaledWind:
-    """A room's frames of wind times a share, 1 until it is set.
+    """A room's frames of wind times a factor, the share of `WindShare`, 1 until it is set.
 
     u(x, t) = share(t) u_frame(x, t)
     [m/s] = [1] [m/s]
 
     Our derivation: without viscosity the equations of motion stay the same when all velocities are multiplied by a
-    share and times divided by it, so a flow at a high Reynolds number keeps its shape. The time to follow is left out.
-    The share is that of a service times that of the last event about the wind, which also says whose frames they are:
-    the room's own, or those that were made for the event. Where a door has moved they are those of the room since.
-    Arrays are read-only and valid until share, frames or frame change.
+    factor and times divided by it, so a flow at a high Reynolds number keeps its shape. The transient is neglected.
+    The factor is that of a service times that of the last wind event. The frames are those of the current variant:
+    the room's own, or those of the event's inlet, with the present doors.
+    Arrays are read-only and valid until factor, frames or frame change.
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Blow as the room's wind does."""
+        """Start with the room's own wind."""
         self._scenario = scenario
         self.room = DynamicEnvironment(environment, scenario)
-        self._frames = {key: _read_only(room.wind.velocity_m_s) for key, room in self.room.rooms.items()}
+        self._frames = {
+            variant: freeze_array(np.asarray(room.wind.velocity_m_s).view())
+            for variant, room in self.room.rooms.items()
+        }
         self._share = self._event_share = 1.0
-        self._scaled: NDArray[np.float32] | None = None
-        self._scaled_frame = -1
+        self._scaled: tuple[EnvironmentVariant, int, float] | None = None
+        self._scaled_m_s = np.zeros(0, np.float32)
 
     def reset(self) -> None:
-        """Blow as the room's wind does."""
+        """Return to the room's own wind."""
         self.room.reset()
-        self._event_share, self._scaled_frame = 1.0, -1
-        self.set_share(1.0)
-
-    def set_share(self, share: float) -> None:
-        """Blow `share` [1] times as fast from now on."""
-        if share != self._share:
-            self._share, self._scaled_frame = share, -1
-
-    def take(self, message: Message | None) -> None:
-        """Obey what a service says on `truth/wind`, if it says anything."""
-        if isinstance(message, WindShare):
-            self.set_share(message.share)
+        self._share = self._event_share = 1.0
 
     def obey(self, inbox: Inbox) -> bool:
-        """Take what a service and events say of this tick, and return whether a door has moved."""
-        self.take(inbox.get(WIND))
+        """Apply the service's message and the events of this tick, and return whether a door has moved."""
+        message = inbox.get(WIND)
+        if isinstance(message, WindShare):
+            self._share = message.share
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, WindChangesSpec):
-                self._event_share, self._scaled_frame = event.share, -1
-        before = self.room.variant
-        has_moved = self.room.obey(inbox)
-        if self.room.variant != before:
-            self._scaled_frame = -1
-        return has_moved
+                self._event_share = event.share
+        return self.room.obey(inbox)
 
     def at(self, time_s: float) -> NDArray[np.float32]:
         """Return the wind at a time [s], (nx, ny, nz, 3), cell centres, world frame [m/s]."""
+        variant, share = self.room.variant, self._share * self._event_share
         i_frame = self.room.now.wind.frame_at(time_s)
-        frames, share = self._frames[self.room.variant], self._share * self._event_share
+        frame_m_s = self._frames[variant][i_frame]
         if share == 1.0:
-            return frames[i_frame]
-        scaled = self._scaled
-        if scaled is None or i_frame != self._scaled_frame:
-            scaled = np.asarray(frames[i_frame] * np.float32(share), np.float32)
-            scaled.flags.writeable = False
-            self._scaled, self._scaled_frame = scaled, i_frame
-        return scaled
-
-
-def _read_only(velocity_m_s: NDArray[np.float32]) -> NDArray[np.float32]:
-    frames = np.asarray(velocity_m_s).view()
-    frames.flags.writeable = False
-    return frames
+            return frame_m_s
+        if self._scaled != (variant, i_frame, share):
+            self._scaled = (variant, i_frame, share)
+            self._scaled_m_s = freeze_array(np.asarray(frame_m_s * np.float32(share), np.float32))
+        return self._scaled_m_s

@@ -1,8 +1,8 @@
 """Meshes of a room as binary glTF: the file `visual.glb` of an environment folder.
 
 Each mesh is a node of its name with one primitive: positions in single precision, indices, and a material with the base
-colour. glTF's y points up, so x, y, z are stored as x, z, -y; nothing else is done to the numbers, so reading returns
-what was written.
+colour. glTF's y points up, so x, y, z are stored as x, z, -y; this keeps all digits, so that reading returns the
+written numbers.
 """
 
 import json

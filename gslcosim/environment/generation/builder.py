@@ -1,4 +1,4 @@
-"""Builder of environments: geometry, wind, scene and picture into a folder, one or many at a time."""
+"""Builder of environments: geometry, wind, scene and picture into a folder."""
 
 import io
 import json
@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class BuildResult:
-    """An environment that was made, and sentences for the user on how."""
+    """A generated environment, and notices about it for the user."""
 
     environment: Environment
     notices: tuple[str, ...]
@@ -41,15 +41,15 @@ def generate_environment(
     sources_m: Sequence[Vec3] = (),
     progress: Progress | None = None,
 ) -> BuildResult:
-    """Make an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
+    """Generate an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
 
     Args:
-        spec: Where the room comes from; anything but a `path`, which is an environment already.
-        wind: The air's motion and the cell of the grid.
-        folder: Where; an environment that stands there is replaced.
-        scenario_dir: What relative paths are relative to.
+        spec: Origin of the room; any but a `path`, which is an environment already.
+        wind: The air's motion and the grid's cell size.
+        folder: Target; an environment there is replaced.
+        scenario_dir: Base folder of relative paths.
         sources_m: Sources of gas to show in the picture, world frame [m].
-        progress: Receives what is being done and how much of it is over, from 0 to 1.
+        progress: Receives the current step and its fraction done, from 0 to 1.
     """
     progress = progress or no_progress
     progress("Building the room", 0.0)
@@ -81,12 +81,12 @@ def save_with_scene_and_picture(
     sources_m: Sequence[Vec3] = (),
     extras: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Save an environment with its scene for other programs and its picture for people; see `save_environment`.
+    """Save an environment with its scene for other programs and its picture for people.
 
     Args:
-        environment: What to save.
-        folder: Where; an environment that stands there is replaced.
-        made_from: How it was made.
+        environment: The environment.
+        folder: Target; an environment there is replaced.
+        made_from: Its recipe.
         notices: Notices about it.
         sources_m: Sources of gas to show in the picture, world frame [m].
         extras: Further files by name.
@@ -98,7 +98,7 @@ def save_with_scene_and_picture(
     save_environment(environment, folder, made_from=made_from, notices=notices, extras={**views, **(extras or {})})
 
 
-# How the wind was solved: figures, and a picture where the extra for plots is installed.
+# The solver's report: figures, and a plot where the extra for plots is installed.
 def _report_files(report: flow.WindReport | None) -> dict[str, bytes]:
     if report is None:
         return {}

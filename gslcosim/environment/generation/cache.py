@@ -1,4 +1,4 @@
-"""Cache of environments: made from a scenario once, and found again by a hash of all that they are made from."""
+"""Cache of environments: generated from a scenario once, and found again by a hash of all their inputs."""
 
 import hashlib
 import json
@@ -29,21 +29,22 @@ from gslcosim.scenario.models.wind import SOLVING, WindSpec
 if TYPE_CHECKING:
     from gslcosim.environment.generation.wind import Progress
 
-# What a wind that is not solved does not depend on.
+# Keys that have no effect on a wind that is not solved.
 _OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
 _BLOCK = 1 << 20
+_log = logging.getLogger(__name__)
 
 
 def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> str:
-    """Return 32 hexadecimal digits of all that decides what a generated environment will hold.
+    """Return 32 hexadecimal digits of everything that determines the content of a generated environment.
 
-    That is layout, wind, the code that makes rooms and solves the wind, the packages that compile it, and the content
-    of all files that are read.
+    That is layout, wind, the code that builds rooms and solves the wind, the packages that compile it, and the content
+    of all input files.
 
     Args:
-        environment: What the scenario says of its environment; any but a `path`.
-        wind: And of its wind.
-        scenario_dir: What relative paths are relative to.
+        environment: The scenario's environment block; any but a `path`.
+        wind: Its wind block.
+        scenario_dir: Base folder of relative paths.
     """
     digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
     readers = list_reader_packages(environment, wind)
@@ -54,35 +55,34 @@ def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir:
     for package in packages:
         digest.update(_package_hash(package).encode())
     for path in _files_read(environment, wind, scenario_dir):
-        digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
 
 
 def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
-    """Return what an environment is made from as plain values."""
+    """Return the recipe of an environment as plain values."""
     is_own = isinstance(wind, WindSpec)
     wind_values = wind.model_dump(mode="json", exclude=_OF_SOLVING if is_own and not wind.solves else None)
     if wind.solver == "auto" and environment.folder_key is None:
         wind_values["solver"] = "built_in"
-    # Rooms without them are as they were before there were such keys.
+    # Without them, the recipe is the one from before these keys existed.
     for key in ("keep_turbulence", "buoyancy"):
         if not wind_values.get(key):
             wind_values.pop(key, None)
     packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves or not is_own else {}
     made_from = environment.model_dump(mode="json", exclude_none=True, exclude={"doors"})
-    # One that is open is not there.
+    # An open door leaves no trace in the room.
     doors = [door.model_dump(mode="json", exclude={"is_open"}) for door in environment.doors if not door.is_open]
     made_from |= {"doors": doors} if doors else {}
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
 
 
 def sources(wind: SolverSpec, readers: Iterable[str]) -> list[Path]:
-    """Return the code that decides what an environment holds: when it changes, environments are made again.
+    """Return the code that determines an environment's content: when it changes, environments are generated anew.
 
     Args:
-        wind: How its wind is made.
-        readers: The packages that read its files; see `list_reader_packages`.
+        wind: The scenario's wind block.
+        readers: Packages from `list_reader_packages`.
     """
     parts = ["gslcosim/environment/*", "gslcosim/environment/layouts"]
     if not isinstance(wind, WindSpec):
@@ -90,11 +90,11 @@ def sources(wind: SolverSpec, readers: Iterable[str]) -> list[Path]:
     elif wind.solves:
         parts.append("gslcosim/flow")
     parts += [name for name in readers if name in get_code_roots()]
-    # Where something may be put, and how it is shown, decides nothing about the environment itself.
+    # Checks of positions, and pictures, have no effect on the environment itself.
     return [path for path in list_package_files(*parts) if path.name not in ("positions.py", "picture.py")]
 
 
-# All code of the package, since what of it a room or wind depends on is not known, and its version for compiled parts.
+# All code of the package, because the part that matters is unknown, and its version for compiled parts.
 def _package_hash(name: str) -> str:
     digest = hashlib.blake2b(digest_size=16)
     for distribution in sorted(packages_distributions().get(name, ())):
@@ -105,31 +105,25 @@ def _package_hash(name: str) -> str:
     if not folders and module.__file__ is not None:
         paths = [Path(module.__file__)]
     for path in paths:
-        digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
 
 
 def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
     for text in (*environment.inputs, *([] if wind.file is None else [wind.file])):
-        yield from _files_in((scenario_dir or Path()) / Path(text).expanduser())
-
-
-# Gas frames do not decide the wind, and are by far the most of an imported folder.
-def _files_in(place: Path) -> Iterator[Path]:
-    if place.is_file():
-        yield place
-        return
-    yield from (path for path in list_files(place) if not path.name.startswith("iteration_"))
+        place = (scenario_dir or Path()) / Path(text).expanduser()
+        if place.is_file():
+            yield place
+        else:
+            # Gas frames have no effect on the wind, and make up most of an imported folder.
+            yield from (path for path in list_files(place) if not path.name.startswith("iteration_"))
 
 
 def _update_with(digest: Any, path: Path) -> None:
+    digest.update(path.name.encode())
     with path.open("rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
-
-
-_log = logging.getLogger(__name__)
 
 
 def prepare_environment(
@@ -139,24 +133,28 @@ def prepare_environment(
     cache_dir: Path | None = None,
     progress: "Progress | None" = None,
 ) -> Path:
-    """Return the folder of a scenario's environment, made now if it was not made before.
+    """Return the folder of a scenario's environment; generate it where it is not in the cache.
 
-    An environment from a layout, or from the folder of another program, is kept in the cache under a hash of all it
-    depends on: layout or files, wind, the code that makes rooms and solves the wind, and the packages that compile it.
-    Processes may call this at the same time: each makes the environment, the first to finish keeps its folder, and all
-    return it. A folder that was damaged since is made again.
+    An environment from a layout, or from the folder of another program, lies in the cache under its `recipe_hash`.
+    Processes may call this at the same time: each generates the environment, the first to finish keeps its folder, and
+    all return it. A damaged folder is generated anew.
 
     Args:
-        scenario: Its `environment` and `wind`; with `environment.path` its `wind` has no meaning.
-        scenario_dir: What relative paths are relative to; the working directory if absent.
-        cache_dir: Where made environments are kept; `environments` in `gslcosim`'s cache if absent.
-        progress: Receives what is being done and how much of it is over, from 0 to 1; only when there is work.
+        scenario: Its `environment` and `wind`; with `environment.path` its `wind` has no effect.
+        scenario_dir: Base folder of relative paths; the working directory if absent.
+        cache_dir: Folder of the cache; `environments` in `gslcosim`'s cache if absent.
+        progress: Receives the current step and its fraction done, from 0 to 1; only when there is work.
     """
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
         from gslcosim.environment.geometry_source import find_folder
 
-        return _checked_folder(find_folder(spec, scenario_dir))
+        folder = find_folder(spec, scenario_dir)
+        try:
+            load_environment(folder)
+        except EnvironmentDataError as error:
+            raise EnvironmentDataError(f"environment.path: {error}") from error
+        return folder
     folder = _folder_in_cache(scenario, scenario_dir, cache_dir)
     mark_used(folder)
     if not _is_usable(folder):
@@ -165,7 +163,7 @@ def prepare_environment(
         try:
             generate_environment(spec, wind, folder, scenario_dir=scenario_dir, progress=progress)
         except OSError as error:
-            # A disk without room does not say which file it was.
+            # The error of a full disk has no file name.
             if error.filename is not None and not Path(error.filename).is_relative_to(folder.parent.parent):
                 raise
             remedy = "Free room there, or set GSLCOSIM_CACHE to a folder that can be written."
@@ -177,10 +175,10 @@ def prepare_environment(
 
 
 def find_environment(scenario: Scenario, *, scenario_dir: Path | None = None) -> Environment | None:
-    """Return a scenario's environment where `prepare_environment` has made it before, else nothing.
+    """Return a scenario's environment from the cache; None where `prepare_environment` has not generated it yet.
 
-    What was made had no problems: its room need not be built again to be checked. This is for environments from a
-    layout; files of other programs are not read for it.
+    A cached environment had no problems, so that a check need not build its room again. Environments from a layout
+    only: the files of other programs are not read.
     """
     if scenario.environment.layout is None or scenario.wind.file is not None:
         return None
@@ -189,14 +187,6 @@ def find_environment(scenario: Scenario, *, scenario_dir: Path | None = None) ->
         mark_used(folder)
         return load_environment(folder) if folder.exists() else None
     return None
-
-
-def _checked_folder(folder: Path) -> Path:
-    try:
-        load_environment(folder)
-    except EnvironmentDataError as error:
-        raise EnvironmentDataError(f"environment.path: {error}") from error
-    return folder
 
 
 def _folder_in_cache(scenario: Scenario, scenario_dir: Path | None, cache_dir: Path | None) -> Path:
@@ -219,12 +209,12 @@ def _is_usable(folder: Path) -> bool:
 def prepare_variants(
     scenario: Scenario, *, scenario_dir: Path | None = None, progress: "Progress | None" = None
 ) -> dict[EnvironmentVariant, Path]:
-    """Return the environment of each situation that events may bring, but the first one; made where needed.
+    """Return the environment of each variant that events may bring about, except the first; generated where needed.
 
     Args:
         scenario: Its `events`, `environment` and `wind`.
-        scenario_dir: What relative paths are relative to; the working directory if absent.
-        progress: Receives what is being done; only when there is work.
+        scenario_dir: Base folder of relative paths; the working directory if absent.
+        progress: Receives the current step; only when there is work.
     """
     folders: dict[EnvironmentVariant, Path] = {}
     for variant in find_variants(scenario)[1:] if scenario.events else ():
@@ -236,24 +226,24 @@ def prepare_variants(
 def load_rooms(
     folder: Path, scenario: Scenario, *, scenario_dir: Path | None = None, progress: "Progress | None" = None
 ) -> tuple[Environment, dict[EnvironmentVariant, Path]]:
-    """Return the environment in a folder with what events make of it, and the folders of that; see `prepare_variants`.
+    """Return the environment in a folder with its variants, and the folders of these.
 
     Args:
-        folder: That of the room at the start.
+        folder: The room at the start.
         scenario: Its `events`, `environment` and `wind`.
-        scenario_dir: What relative paths are relative to; the working directory if absent.
-        progress: Receives what is being done; only when there is work.
+        scenario_dir: Base folder of relative paths; the working directory if absent.
+        progress: Receives the current step; only when there is work.
     """
     later_rooms = prepare_variants(scenario, scenario_dir=scenario_dir, progress=progress)
     return with_variants(load_environment(folder), later_rooms), later_rooms
 
 
 def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant, Path]) -> Environment:
-    """Return an environment that knows what events make of it.
+    """Return an environment with its variants in `later_rooms`.
 
     Args:
         environment: The room at the start.
-        folders: Environments by situation.
+        folders: Environment folders by variant.
     """
     rooms: dict[EnvironmentVariant, Environment] = {}
     for variant, folder in folders.items():

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 _BUILDER = "gslcosim.environment.geometry_source"
 
-# What the built-in solver does in a second on two cores, as an order of magnitude; `make bench-wind` measures it.
+# Speed of the built-in solver on two cores, as an order of magnitude; `make bench-wind` measures it.
 _CELL_STEPS_PER_S = 3e6
-# The air is this much faster than at the inlets where it is fastest.
+# Highest speed of the air over that at the inlets.
 _PEAK_RATIO = 1.5
-# How long a wind without `end_time_s` takes to settle in most rooms.
+# Settling time of a wind without `end_time_s` in most rooms.
 _USUAL_END_S = 60.0
 _LONG_SOLVE_S = 1800.0
 _LARGE_SOLVE_GB = 8.0
@@ -36,14 +36,14 @@ _LONG_ROOM_M = 500.0
 
 
 def find_place_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return what is wrong with the room of a scenario and with the places in it.
+    """Return the problems of a scenario's room and of the places in it.
 
     Args:
-        scenario: What is to be flown.
-        directory: The scenario's folder, where relative paths start.
+        scenario: The scenario.
+        directory: Its folder, base of relative paths.
     """
-    # Where rooms have not been built yet, to build one takes a third of a second, for the compiler of its kernels; to
-    # load a room that was made before takes some milliseconds; to build further ones takes less than that.
+    # The first room that a process builds takes a third of a second, for the compiler of its kernels; loading a room
+    # from the cache takes some milliseconds; building further ones takes less.
     if _BUILDER not in sys.modules:
         made = [find_environment(each, scenario_dir=directory) for each in variant_scenarios(scenario)]
         if made[0] is not None and all(made):
@@ -52,19 +52,19 @@ def find_place_problems(scenario: Scenario, directory: Path) -> Iterable[Problem
 
 
 def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return why the wind that a scenario reads from files, or from its environment's folder, cannot be its wind.
+    """Return the problems of a wind that a scenario reads from files or from its environment's folder.
 
-    The files are read in full, as the preparation of a run does.
+    The files are read in full, as in the preparation of a run.
 
     Args:
         scenario: Its wind is stored, or may be.
-        directory: The scenario's folder, where relative paths start.
+        directory: The scenario's folder, base of relative paths.
     """
     from gslcosim.environment.geometry_source import find_source_problems
 
     spec, wind = scenario.environment, scenario.wind
     if not isinstance(wind, WindSpec) or find_source_problems(spec, wind, scenario_dir=directory):
-        return ()  # the check of places tells what is wrong with a room, and no wind fits it
+        return ()  # `find_place_problems` reports the problems of the room, and no wind fits it
     try:
         stored = _read_stored_wind(spec, wind, directory)
     except EnvironmentDataError as error:
@@ -78,24 +78,24 @@ def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[P
 
 
 def find_mixed_air_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return what is to be known where stored gas is played back beside a wind that did not carry it.
+    """Return a warning where stored gas is played back beside a wind that did not carry it.
 
     Args:
         scenario: Its gas is stored.
-        directory: The scenario's folder, where relative paths start.
+        directory: The scenario's folder, base of relative paths.
     """
     mixed = find_mixed_air(scenario, _find_wind_maker(scenario, directory))
     return [] if mixed is None else [mixed]
 
 
 def find_costly_wind_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return warnings of a wind that is costly to solve, and of a room that looks as if in another unit.
+    """Return warnings of a wind that is costly to solve, and of a room with lengths in a doubtful unit.
 
     Memory and time are orders of magnitude: steps follow from the Courant number at the inlets' velocity.
 
     Args:
         scenario: Its wind is to be solved.
-        directory: The scenario's folder, where relative paths start.
+        directory: The scenario's folder, base of relative paths.
     """
     spec, wind = scenario.environment, scenario.wind
     if not isinstance(wind, WindSpec) or find_environment(scenario, scenario_dir=directory) is not None:
@@ -136,7 +136,7 @@ def _find_cost_problems(wind: WindSpec, grid: Grid) -> Iterable[Problem]:
     )
 
 
-# Before there is an environment: as `read_wind_provenance` will say it afterwards.
+# Before there is an environment; afterwards `read_wind_provenance` returns the same.
 def _find_wind_maker(scenario: Scenario, directory: Path) -> WindMaker:
     from gslcosim.environment.geometry_source import find_folder
 

@@ -15,7 +15,7 @@ from gslcosim.environment.store import HEADER_FILE, REPORT_FILE
 from gslcosim.scenario import Scenario
 
 WindMaker = Literal["built_in", "openfoam", "uniform", "file", "imported", "package", "unknown"]
-# A report has a few numbers for each pair of windows that was compared; headers have the boxes of large buildings.
+# A report has a few numbers for each compared pair of windows; headers have the boxes of large buildings.
 _MAX_BYTES = 64_000_000
 _MADE_FROM = "\nmade_from:"
 
@@ -25,12 +25,11 @@ class WindProvenance:
     """Origin of an environment's wind, and the known facts about its quality.
 
     Attributes:
-        maker: The built-in solver, OpenFOAM, the same wind everywhere, a file that the scenario names, the imported
-            environment that brings it, the solver of another package, or unknown, of an environment folder that
-            does not name it.
-        name: The solver's name, or the file or folder that it was read from.
-        has_settled: Whether the statistics of a solved wind had settled; absent where it was not checked.
-        uncertainty_frac: Standard error of the mean wind over its speed, at least; absent where unknown.
+        maker: The built-in solver, OpenFOAM, uniform wind, a file of the scenario, the imported environment, the
+            solver of another package, or unknown for an environment folder that does not name it.
+        name: The solver's name, or the source file or folder.
+        has_settled: True when the statistics of a solved wind had settled; absent where unchecked.
+        uncertainty_frac: Lower bound of the standard error of the mean wind over its speed; absent where unknown.
         end_time_s: Simulated time of the solve [s]; absent where it was not solved here.
     """
 
@@ -45,8 +44,8 @@ def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
     """Return the provenance of the wind in an environment folder.
 
     Args:
-        scenario: Whose environment it is.
-        folder: The folder, made or given.
+        scenario: The scenario of that environment.
+        folder: The folder, generated or given.
     """
     report = _read_report(folder / REPORT_FILE)
     if report is not None:
@@ -87,10 +86,6 @@ def find_mixed_air(scenario: Scenario, maker: WindMaker) -> Problem | None:
 
     Gas that is played back was carried by the wind of its own simulation. An anemometer beside it reads the wind of the
     environment: two airs in one run, unless both come from one simulation.
-
-    Args:
-        scenario: What is run.
-        maker: Maker of its wind.
     """
     folder = scenario.gas.stored_folder
     if folder is None or maker in ("file", "imported", "unknown"):

@@ -19,14 +19,16 @@ from gslcosim.environment.readers import FOREIGN_WINDS, Progress, find_room_read
 from gslcosim.environment.readers import WindSetup as WindSetup
 from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.scenario.models.scenario import EnvironmentSpec
-from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
+from gslcosim.scenario.models.wind import BuoyancySpec, SolverSpec, WindSpec
 
 _log = logging.getLogger(__name__)
+# Warm air at constant pressure, 20 degC: W to K m3/s.
+_AIR_HEAT_J_M3_K = 1.204 * 1006.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolvedWind:
-    """Wind for a room, with the solver's report where the built-in one has solved it."""
+    """Wind of a room, with the report of the built-in solver where that has solved it."""
 
     frames: WindFrames
     report: flow.WindReport | None = None
@@ -34,15 +36,12 @@ class SolvedWind:
 
 
 def no_progress(_text: str, _fraction: float) -> None:
-    """Report to no one."""
+    """Discard a report of progress."""
 
 
 @singledispatch
 def solve_block_wind(block: SolverSpec, setup: WindSetup) -> SolvedWind:
-    """Return the wind of a wind solver's block in a room.
-
-    A package that brings a solver registers its builder by the type of its block.
-    """
+    """Return the wind of a solver's block in a room; a package with a solver registers its builder by block type."""
     del setup
     raise ScenarioError(
         f"wind.solver: expected a builder for {type(block).__name__}, was none. "
@@ -57,10 +56,10 @@ def solve_wind_of_scenario(
 
     Args:
         room: Geometry, occupancy and openings.
-        spec: Where the room comes from; it may bring its wind.
-        wind: What the scenario says of the wind.
-        scenario_dir: What relative paths are relative to.
-        progress: Receives what is being done and how much of it is over, from 0 to 1.
+        spec: Origin of the room; it may bring its wind.
+        wind: The scenario's wind block.
+        scenario_dir: Base folder of relative paths.
+        progress: Receives the current step and its fraction done, from 0 to 1.
     """
     setup = WindSetup(room=room, environment=spec, scenario_dir=scenario_dir, progress=progress)
     made = solve_block_wind(wind, setup)
@@ -74,7 +73,9 @@ def solve_wind_of_scenario(
 def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
     room, folder_key = setup.room, setup.environment.folder_key
     if wind.solver == "uniform":
-        return SolvedWind(frames=_uniform(room, wind))
+        velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
+        velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
+        return SolvedWind(frames=WindFrames(velocity_m_s=velocity_m_s))
     if wind.kind_name in FOREIGN_WINDS or (folder_key is not None and wind.solver in ("auto", "stored")):
         stored = read_stored_wind(wind, setup)
         if stored is not None:
@@ -88,7 +89,7 @@ def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
 
 
 def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch, ...]:
-    """Return a room's openings as the solvers have them, with the scenario's profile and schedule at the inlets.
+    """Return the solvers' patches of a room's openings, with the scenario's profile and schedule at the inlets.
 
     Coordinates start at the grid's origin.
     """
@@ -98,23 +99,14 @@ def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch
     return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
 
 
-# Warm air at constant pressure, 20 degC: W to K m3/s.
-_AIR_HEAT_J_M3_K = 1.204 * 1006.0
-
-
 def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> BuoyantScalar | None:
-    """Return the gas or heat that drives a room's wind, as the solver has it; None without.
+    """Return the solver's scalar for the gas or heat that drives a room's wind; None without.
 
     Coordinates start at the grid's origin.
-
-    Args:
-        room: Its grid.
-        spec: What the scenario says of it.
     """
     if spec is None:
         return None
     grid = room.grid
-    is_gas = spec.kind == "gas"
     releases = [
         Release(
             position_m=_from_origin(each.position_m, grid),
@@ -128,13 +120,13 @@ def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> Buoy
         Orifice(centre_m=_from_origin(each.centre_m, grid), height_m=each.height_m, area_m2=each.area_m2)
         for each in spec.orifices
     ]
+    if spec.kind == "gas":
+        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
+        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     walls = [
         FixedWall(min_m=_from_origin(each.min_m, grid), max_m=_from_origin(each.max_m, grid), value=each.above_air_k)
         for each in spec.walls
     ]
-    if is_gas:
-        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
-        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
 
 
@@ -142,26 +134,18 @@ def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
     min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
     if opening.kind != "inlet":
         return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
-    is_parabolic = wind.inlet_profile == "parabolic"
-    return flow.Inlet(
-        min_m=min_m,
-        max_m=max_m,
-        velocity_m_s=_parabolic(opening, grid) if is_parabolic else opening.velocity_m_s,
-        factor=_schedule(wind.inlet_schedule),
-    )
-
-
-def _schedule(spec: InletScheduleSpec | None) -> flow.Schedule | None:
-    if spec is None:
-        return None
-    return flow.Schedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
+    velocity_m_s = _parabolic(opening, grid) if wind.inlet_profile == "parabolic" else opening.velocity_m_s
+    factor = None
+    if (schedule := wind.inlet_schedule) is not None:
+        factor = flow.Schedule(times_s=schedule.times_s, values=schedule.shares, is_repeating=schedule.repeats)
+    return flow.Inlet(min_m=min_m, max_m=max_m, velocity_m_s=velocity_m_s, factor=factor)
 
 
 # Along both sides of the opening; its mean over the opening's cells is the opening's velocity.
 def _parabolic(opening: Opening, grid: Grid) -> NDArray[np.float64]:
     sides_m = [high - low for low, high in zip(opening.min_m, opening.max_m, strict=True)]
-    shares = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
-    bulge = np.multiply.outer(*(share * (1.0 - share) for share in shares))
+    places = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
+    bulge = np.multiply.outer(*(place * (1.0 - place) for place in places))
     return np.multiply.outer(bulge / bulge.mean(), np.asarray(opening.velocity_m_s))
 
 
@@ -170,19 +154,14 @@ def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:
     return x, y, z
 
 
-def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
-    velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
-    velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
-    return WindFrames(velocity_m_s=velocity_m_s)
-
-
-# Gaps in a wind are warnings to the user, and stay with the folder.
 def read_stored_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind | None:
-    """Return the wind that an extension reads or solves, or that the environment's folder brings, if it does.
+    """Return the wind that an extension reads or solves, or that the environment's folder brings; None without one.
+
+    Warnings about gaps in it become notices, which stay with the environment's folder.
 
     Args:
-        wind: What the scenario says of the wind.
-        setup: The room that it has to fit, and where the room comes from.
+        wind: The scenario's wind block.
+        setup: The room that it has to fit, and the room's origin.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -236,7 +215,7 @@ def _frames_of(report: flow.WindReport, room: EnvironmentGeometry, wind: WindSpe
     )
 
 
-# Air leaves through cells that an opening encloses, but the room has them solid. In place.
+# In place: the solver has air in cells that an opening encloses, but they are solid in the room.
 def _still_in_solids(frames_m_s: NDArray[np.float32], room: EnvironmentGeometry) -> NDArray[np.float32]:
     frames_m_s[:, room.occupancy == Cell.SOLID] = 0
     return frames_m_s

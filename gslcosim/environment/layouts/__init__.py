@@ -1,4 +1,1 @@
-"""Layouts: environments from a few numbers, one module for each group, and their furniture.
-
-`builder` turns any layout into an environment of named boxes.
-"""
+"""Layouts: rooms of named boxes from a few numbers, by families, with their furniture."""

@@ -1,4 +1,4 @@
-"""Families of layouts, warehouses, buildings, plants outdoors and wind tunnels, and the pieces they are made of."""
+"""Families of layouts (warehouses, buildings, plants outdoors, wind tunnels) and the pieces they consist of."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,6 +22,9 @@ from gslcosim.scenario.models.geometry import (
 
 Rgba = tuple[float, float, float, float]
 Point = tuple[float, float]
+Gap = tuple[float, float]
+Wall = tuple["Area", list[Gap]]
+Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
 
 WALL_RGBA: Rgba = (0.86, 0.86, 0.84, 1.0)
 STEEL_RGBA: Rgba = (0.16, 0.27, 0.55, 1.0)
@@ -32,7 +35,7 @@ WOOD_RGBA: Rgba = (0.55, 0.38, 0.22, 1.0)
 CONCRETE_RGBA: Rgba = (0.60, 0.60, 0.58, 1.0)
 TANK_RGBA: Rgba = (0.80, 0.83, 0.86, 1.0)
 
-# Turned and round things become strips of this width: as fine as the usual cell, chosen.
+# Width of the strips that stand for turned and round shapes; chosen, as fine as the usual cell.
 STRIP_M = 0.2
 N_CIRCLE = 24
 
@@ -48,16 +51,16 @@ CLUTTER_SIDE_M, CLUTTER_HEIGHT_M = (0.4, 1.0), (0.4, 2.0)
 # Free floor kept around furniture, and on both sides of doors.
 FURNITURE_GAP_M, DOOR_GAP_M = 0.6, 0.9
 
-# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
+# Chosen: a small storage tank, a shed; clearance between them and to the boundary.
 TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
 BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
 PLANT_GAP_M = 2.0
 
-# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
+# The thesis adds this to the wider opening for the aisle between the ends of rows and the wall [m].
 END_AISLE_EXTRA_M = 2.0
 POST_M, SHELF_M = 0.1, 0.1
-# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
-# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
+# Fill height of each of four bays (lower near, lower far, upper near, upper far), as a fraction of the space below
+# the next shelf. Seven loads, as many as the thesis has filled racks; the fractions are chosen.
 LOADS = (
     (0.95, 0.95, 0.95, 0.95),
     (0.95, 0.95, 0.6, 0.6),
@@ -74,8 +77,10 @@ N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
 FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
 PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
 PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
-# Free width kept between items, and before openings.
+# Clearance between items, and in front of openings.
 ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
+# Draws before a place is given up.
+N_TRIES = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,21 +95,21 @@ class Area:
         """Its sides along x and y [m]."""
         return self.max_m[0] - self.min_m[0], self.max_m[1] - self.min_m[1]
 
+    @property
+    def long_axis(self) -> int:
+        """Axis of the longer side: 0 is x, 1 is y."""
+        return 0 if self.size_m[0] >= self.size_m[1] else 1
+
     def is_apart_from(self, other: "Area", gap_m: float = 0.0) -> bool:
-        """Return whether at least a gap [m] lies between the two, along x or along y."""
+        """Return whether the two are at least a gap [m] apart, along x or along y."""
         return any(
             self.max_m[i] + gap_m <= other.min_m[i] + 1e-9 or other.max_m[i] + gap_m <= self.min_m[i] + 1e-9
             for i in range(2)
         )
 
 
-Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
-Gap = tuple[float, float]
-Wall = tuple[Area, list[Gap]]
-
-
 def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
+    """Return all racks of a warehouse, named `rack_i_j_k`: row, place in the row, storey."""
     places = rack_areas(layout, openings)
     n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
     types = rack_types(layout, len(places) * n_storeys)
@@ -128,7 +133,11 @@ def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -
     for i, kind in enumerate(kinds):
         number = i - kinds.index(kind)
         first = int(rng.integers(2))
-        corners, bounds = _turned_footprint(rng, kind)
+        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
+        if kind == "pile":
+            size_m = float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M))
+        corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
+        bounds = bounding_area(corners)
         for zone in (zones[first], zones[1 - first]):
             place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
             if place is not None:
@@ -148,19 +157,22 @@ def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
     solid_from_m = l_shape_from_m(layout)
     kept = [room for room in rooms if room.min_m[1] < y_m / 2 or room.min_m[0] < solid_from_m - 1e-9]
     walls = [wall for side in (0, 1) for wall in _corridor_walls(layout, side, rng)]
-    walls += [(_east_wall(room, layout.partition_m), []) for room in kept if room.max_m[0] < x_m - 1e-9]
+    inner = [room for room in kept if room.max_m[0] < x_m - 1e-9]
+    walls += [(_cut(room, 0, room.max_m[0] - layout.partition_m, room.max_m[0]), []) for room in inner]
     boxes = _walls(walls, z_m, layout.door_m[1])
     if solid_from_m < x_m:
         outside = Area(min_m=(solid_from_m, _corridor_sides_m(layout)[1]), max_m=(x_m, y_m))
         boxes.append(box_above("outside", outside, 0.0, z_m, CONCRETE_RGBA, is_wall=True))
     if layout.has_furniture:
-        doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
-        boxes += _desks(rng, kept, [*doors, *(area for area, _ in walls)], z_m)
+        name, size_m, height_m, rgba = DESK
+        taken = _floor_of(walls)
+        for i, room in enumerate(kept):
+            boxes += _furnish(rng, f"{name}_{i}", size_m, room, taken, min(height_m, z_m), rgba)
     return tuple(boxes)
 
 
 def build_home(layout: HomeSpec) -> tuple[Box, ...]:
-    """Return walls, doors and furniture of a flat that was divided at random."""
+    """Return walls, doors and furniture of a flat divided at random."""
     rng = stream(layout.seed, "layout.home")
     x_m, y_m, z_m = layout.size_m
     rooms = [Area(min_m=(0.0, 0.0), max_m=(x_m, y_m))]
@@ -174,7 +186,7 @@ def build_home(layout: HomeSpec) -> tuple[Box, ...]:
         walls.append(wall)
     boxes = _walls(walls, z_m, layout.door_m[1])
     if layout.has_furniture:
-        taken = [*(area for area, _ in walls), *(_before_gap(area, gap) for area, gaps in walls for gap in gaps)]
+        taken = _floor_of(walls)
         for i, room in enumerate(rooms):
             name, size_m, height_m, rgba = FURNITURE[int(rng.integers(len(FURNITURE)))]
             boxes += _furnish(rng, f"{name}_{i}", size_m, room, taken, min(height_m, z_m), rgba)
@@ -182,7 +194,7 @@ def build_home(layout: HomeSpec) -> tuple[Box, ...]:
 
 
 def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
-    """Return walls with passages between a grid of rooms, all of which can be reached, and clutter."""
+    """Return walls with passages between a grid of rooms, all of them reachable, and clutter."""
     rng = stream(layout.seed, "layout.cluttered_rooms")
     z_m = layout.size_m[2]
     has_passage = _passages(layout, rng)
@@ -191,7 +203,7 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
         area = _wall_between(layout, room, axis)
         walls.append((area, [_gap_in(area, layout.passage_m, rng)] if is_open else []))
     boxes = _walls(walls, z_m, z_m)
-    taken = [*(area for area, _ in walls), *(_before_gap(area, gap) for area, gaps in walls for gap in gaps)]
+    taken = _floor_of(walls)
     floor = Area(min_m=(0.0, 0.0), max_m=layout.size_m[:2])
     for i in range(layout.n_clutter):
         side_m = float(rng.uniform(*CLUTTER_SIDE_M)), float(rng.uniform(*CLUTTER_SIDE_M))
@@ -201,7 +213,7 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
 
 
 def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
-    """Return the buildings and tanks of a plant; those for which there is no place are left out."""
+    """Return the buildings and tanks of a plant, without those that find no place."""
     rng = stream(layout.seed, "layout.plant")
     x_m, y_m, z_m = layout.size_m
     zone = Area(min_m=(PLANT_GAP_M, PLANT_GAP_M), max_m=(x_m - PLANT_GAP_M, y_m - PLANT_GAP_M))
@@ -224,7 +236,7 @@ def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
 
 
 def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
-    """Return the blocks of a wind tunnel, in a row along its middle line."""
+    """Return the blocks of a wind tunnel, in a row along its centre line."""
     x_m, y_m, z_m = layout.size_m
     side_m = min(layout.block_m, 0.6 * y_m)
     first_m = min(2 * layout.block_m, x_m / 4)
@@ -253,7 +265,7 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
     scale = math.log((layout.reference_height_m + z0) / z0)
     layers: list[Opening] = []
     for k in range(low, high):
-        share = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
+        factor = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
         bottom_m, top_m = (round(grid.origin_m[2] + i * grid.cell_m, 9) for i in (k, k + 1))
         u_m_s, v_m_s, w_m_s = inlet.velocity_m_s
         layers.append(
@@ -262,21 +274,21 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
                 kind="inlet",
                 min_m=(inlet.min_m[0], inlet.min_m[1], bottom_m),
                 max_m=(inlet.max_m[0], inlet.max_m[1], top_m),
-                velocity_m_s=(u_m_s * share, v_m_s * share, w_m_s * share),
+                velocity_m_s=(u_m_s * factor, v_m_s * factor, w_m_s * factor),
             )
         )
     return tuple(layers)
 
 
 def l_shape_from_m(layout: OfficeSpec) -> float:
-    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
+    """Return the x at which the upper side of an office ends [m]; its whole length for a rectangle."""
     if layout.outline == "rectangle" or layout.rooms_per_side < 2:
         return layout.size_m[0]
     return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
 def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
-    """Return the type of each rack at random: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
+    """Return a random type for each rack: below 7 the index of the load, 7 and 8 empty; enough of them are filled."""
     rng = stream(layout.seed, "layout.rack_types")
     types = rng.integers(N_TYPES, size=n_racks)
     empty = np.flatnonzero(types >= len(LOADS))
@@ -288,10 +300,10 @@ def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
 
 
 def rack_areas(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[tuple[str, Area], ...]:
-    """Return where racks stand, each with its row and its place in it: `row_place`.
+    """Return the areas of racks, each with its row and its place in it: `row_place`.
 
-    As many rows as leave the aisles, spread evenly from wall to wall; in complex warehouses those between the outer
-    two are turned and stand along x.
+    As many rows as the aisles allow, spread evenly from wall to wall; in complex warehouses the inner rows are turned
+    and stand along x.
     """
     across_m, along_m, _ = layout.rack_size_m
     x_m, y_m, _ = layout.size_m
@@ -357,7 +369,7 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
     boxes: list[Box] = []
     (x0, y0), (wide_m, deep_m) = area.min_m, area.size_m
     is_along_x = wide_m > deep_m
-    for i, share in enumerate(load):
+    for i, fill_frac in enumerate(load):
         level, bay = divmod(i, 2)
         bay_area = (
             _area(x0 + bay * wide_m / 2, y0, wide_m / 2, deep_m)
@@ -365,20 +377,10 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
             else _area(x0, y0 + bay * deep_m / 2, wide_m, deep_m / 2)
         )
         low_m = bottom_m + level * height_m / 2 + SHELF_M
-        if share > 0:
-            boxes.append(
-                box_above(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
-            )
+        if fill_frac > 0:
+            top_m = low_m + fill_frac * (height_m / 2 - SHELF_M)
+            boxes.append(box_above(f"{name}_goods_{i}", bay_area, low_m, top_m, GOODS_RGBA))
     return boxes
-
-
-def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[Point, ...], Area]:
-    if kind == "pile":
-        size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
-    else:
-        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
-    corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
-    return corners, bounding_area(corners)
 
 
 def _item(rng: np.random.Generator, kind: str, name: str, corners: Sequence[Point], ceiling_m: float) -> list[Box]:
@@ -402,12 +404,12 @@ def _layer(name: str, part: str, corners: Sequence[Point], bottom_m: float, top_
     return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
 
 
-def _shrunk(corners: Sequence[Point], share: float) -> tuple[Point, ...]:
+def _shrunk(corners: Sequence[Point], scale: float) -> tuple[Point, ...]:
     x_m, y_m = (sum(corner[i] for corner in corners) / len(corners) for i in range(2))
-    return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
+    return tuple((x_m + scale * (x - x_m), y_m + scale * (y - y_m)) for x, y in corners)
 
 
-# The floor before an opening, which stays clear; one on the floor or the ceiling keeps what is under it clear.
+# The floor in front of an opening, or below one in the ceiling, which stays clear.
 def _before(opening: OpeningSpec) -> Area:
     (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
     return Area(
@@ -451,14 +453,9 @@ def _corridor_walls(layout: OfficeSpec, side: int, rng: np.random.Generator) -> 
             yield area, [_gap_in(area, layout.door_m[0], rng)]
 
 
-def _east_wall(room: Area, thickness_m: float) -> Area:
-    x_m = room.max_m[0]
-    return Area(min_m=(x_m - thickness_m, room.min_m[1]), max_m=(x_m, room.max_m[1]))
-
-
-# A gap of a width somewhere in a wall, away from its ends; as wide as is possible in short walls.
+# A gap at random in a wall, away from its ends; narrower in short walls.
 def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
-    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    axis = area.long_axis
     width_m = min(width_m, 0.8 * area.size_m[axis])
     margin_m = min(0.4, (area.size_m[axis] - width_m) / 2)
     low_m, high_m = area.min_m[axis] + margin_m, area.max_m[axis] - margin_m - width_m
@@ -466,39 +463,31 @@ def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
     return start_m, start_m + width_m
 
 
-def _before_gap(area: Area, gap: Gap) -> Area:
-    if area.size_m[0] >= area.size_m[1]:
-        return Area(min_m=(gap[0], area.min_m[1] - DOOR_GAP_M), max_m=(gap[1], area.max_m[1] + DOOR_GAP_M))
-    return Area(min_m=(area.min_m[0] - DOOR_GAP_M, gap[0]), max_m=(area.max_m[0] + DOOR_GAP_M, gap[1]))
+# Clear floor on both sides of each gap.
+def _clear_at_gaps(walls: Sequence[Wall]) -> list[Area]:
+    return [_cut(_grown(area, DOOR_GAP_M), area.long_axis, *gap) for area, gaps in walls for gap in gaps]
 
 
-def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area], ceiling_m: float) -> list[Box]:
-    name, size_m, height_m, rgba = DESK
-    keep_clear = list(taken)
-    return [
-        box
-        for i, room in enumerate(rooms)
-        for box in _furnish(rng, f"{name}_{i}", size_m, room, keep_clear, min(height_m, ceiling_m), rgba)
-    ]
+# The floor that furniture must leave to walls and doors.
+def _floor_of(walls: Sequence[Wall]) -> list[Area]:
+    return [*(area for area, _ in walls), *_clear_at_gaps(walls)]
 
 
-# One thing in a zone, either way round, if there is a place for it; the place is then taken.
+def _grown(area: Area, by_m: float) -> Area:
+    (x0, y0), (x1, y1) = area.min_m, area.max_m
+    return Area(min_m=(x0 - by_m, y0 - by_m), max_m=(x1 + by_m, y1 + by_m))
+
+
+# One piece of furniture in a zone, in either orientation, if it finds a place, which is then taken.
 def _furnish(
-    rng: np.random.Generator,
-    name: str,
-    size_m: Point,
-    zone: Area,
-    taken: list[Area],
-    height_m: float,
-    rgba: Rgba,
+    rng: np.random.Generator, name: str, size_m: Point, zone: Area, taken: list[Area], height_m: float, rgba: Rgba
 ) -> list[Box]:
     if rng.random() < 0.5:
         size_m = (size_m[1], size_m[0])
     place = next(free_places(rng, size_m, zone, taken, gap_m=0.1), None)
     if place is None:
         return []
-    (x0, y0), (x1, y1), gap_m = place.min_m, place.max_m, FURNITURE_GAP_M
-    taken.append(Area(min_m=(x0 - gap_m, y0 - gap_m), max_m=(x1 + gap_m, y1 + gap_m)))
+    taken.append(_grown(place, FURNITURE_GAP_M))
     return [box_above(name, place, 0.0, height_m, rgba)]
 
 
@@ -506,10 +495,10 @@ def _furnish(
 def _splits(
     layout: HomeSpec, rng: np.random.Generator, rooms: Sequence[Area], walls: Sequence[Wall]
 ) -> Iterator[tuple[int, list[Area], Wall]]:
-    doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
+    doors = _clear_at_gaps(walls)
     for i in sorted(range(len(rooms)), key=lambda i: (-rooms[i].size_m[0] * rooms[i].size_m[1], i)):
         room = rooms[i]
-        axis = 0 if room.size_m[0] >= room.size_m[1] else 1
+        axis = room.long_axis
         slack_m = room.size_m[axis] - 2 * layout.least_room_m - layout.partition_m
         for _ in range(20 if slack_m >= 0 else 0):
             at_m = room.min_m[axis] + layout.least_room_m + float(rng.random()) * slack_m
@@ -529,8 +518,8 @@ def _cut(room: Area, axis: int, low_m: float, high_m: float) -> Area:
     return Area(min_m=(room.min_m[0], low_m), max_m=(room.max_m[0], high_m))
 
 
-# For each wall, named by the room below it and the axis across it: whether it has a passage. A random spanning tree
-# of the rooms has one, and some of the others.
+# True for each wall with a passage; a wall is named by the room below it and the axis across it. The walls of a random
+# spanning tree of the rooms have passages, and some of the others.
 def _passages(layout: ClutteredRoomsSpec, rng: np.random.Generator) -> dict[tuple[tuple[int, int], int], bool]:
     nx, ny = layout.n_rooms
     rooms = [(i, j) for i in range(nx) for j in range(ny)]
@@ -556,17 +545,14 @@ def _wall_between(layout: ClutteredRoomsSpec, room: tuple[int, int], axis: int) 
 
 def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
     """Return the box above an area between two heights [m]."""
-    return Box(
-        name=name,
-        kind="wall" if is_wall else "obstacle",
-        min_m=tuple(_clean(v) for v in (*area.min_m, bottom_m)),  # pyright: ignore[reportArgumentType]
-        max_m=tuple(_clean(v) for v in (*area.max_m, top_m)),  # pyright: ignore[reportArgumentType]
-        rgba=rgba,
-    )
+    # Without the rounding errors of sums, so that edges on cell borders stay there.
+    x0, y0, z0, x1, y1, z1 = (round(float(each_m), 6) for each_m in (*area.min_m, bottom_m, *area.max_m, top_m))
+    kind = "wall" if is_wall else "obstacle"
+    return Box(name=name, kind=kind, min_m=(x0, y0, z0), max_m=(x1, y1, z1), rgba=rgba)
 
 
 def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
-    """Return the corners, counterclockwise, of a rectangle that is turned about its centre."""
+    """Return the corners, counterclockwise, of a rectangle turned about its centre."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return tuple(
         (
@@ -596,9 +582,9 @@ def bounding_area(corners_m: Sequence[Point]) -> Area:
 def split_into_strips(
     name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba
 ) -> tuple[Box, ...]:
-    """Return boxes `name_0`, `name_1`, … along x that together stand for a convex prism.
+    """Return boxes `name_0`, `name_1`, … along x that together approximate a convex prism.
 
-    Each strip is as long as the polygon is at the strip's middle, so that the area is kept to second order.
+    Each strip has the polygon's length at the strip's middle, so that the area is exact to second order.
     """
     bounds = bounding_area(corners_m)
     n = max(1, round(bounds.size_m[0] / STRIP_M))
@@ -621,10 +607,10 @@ def wall_with_gaps(
         name: Of the wall; pieces are `name_0`, …, lintels `name_lintel_0`, ….
         area: The wall's footprint.
         height_m: Of the wall, from the floor.
-        gaps: From and to along the longer side [m], ascending, apart from each other.
+        gaps: Start and end along the longer side [m], ascending, without overlap.
         gap_height_m: Height of the gaps; at least `height_m` means no lintel.
     """
-    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    axis = area.long_axis
     borders = [area.min_m[axis], *(border for gap in gaps for border in gap), area.max_m[axis]]
     boxes: list[Box] = []
     for i, (low, high) in enumerate(pairwise(borders)):
@@ -639,13 +625,13 @@ def wall_with_gaps(
 
 
 def free_places(
-    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float = 0.0, n_tries: int = 60
+    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float
 ) -> Iterator[Area]:
-    """Yield places for a thing of a size, drawn evenly in a zone, that keep a gap [m] to all that is taken."""
+    """Yield places of a size, drawn evenly in a zone, at least a gap [m] away from all taken areas."""
     room = (zone.size_m[0] - size_m[0], zone.size_m[1] - size_m[1])
     if min(room) < 0:
         return
-    for _ in range(n_tries):
+    for _ in range(N_TRIES):
         x_m = zone.min_m[0] + float(rng.random()) * room[0]
         y_m = zone.min_m[1] + float(rng.random()) * room[1]
         place = Area(min_m=(x_m, y_m), max_m=(x_m + size_m[0], y_m + size_m[1]))
@@ -660,8 +646,3 @@ def _span_at(x_m: float, corners_m: Sequence[Point]) -> tuple[float, float]:
         if ax != bx and (ax - x_m) * (bx - x_m) <= 0
     ]
     return (float(min(crossings)), float(max(crossings))) if crossings else (0.0, 0.0)
-
-
-# Free of the last digits of sums, so that edges on borders of cells stay there.
-def _clean(value_m: float) -> float:
-    return round(float(value_m), 6)

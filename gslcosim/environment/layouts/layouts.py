@@ -48,14 +48,14 @@ from gslcosim.scenario.models.scenario import SolverSpec
 
 # Width (along y) and height of inlet and outlet, Table 9.2 of the GSL-Bench thesis.
 THESIS_OPENING_M = (1.5, 2.4)
-# Small rooms: an opening takes at most these fractions of the room's y and z size (chosen; 15 x 15 x 8 m has no need).
+# Small rooms: an opening takes at most these fractions of the room's y and z size (chosen; no effect on 15 x 15 x 8 m).
 MAX_WIDTH_FRAC, MAX_HEIGHT_FRAC = 0.4, 0.6
 SKY_RGBA = (0.75, 0.85, 0.95, 0.05)
 # Walls of Isaac Sim's warehouse are white up to here and yellow above, thesis 9.1.1.
 WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
-# Chosen: as floor tiles of Isaac Sim's warehouse are long, thesis 9.1.2; a lamp hangs a little below the ceiling.
+# Chosen: the length of floor tiles of Isaac Sim's warehouse, thesis 9.1.2; a lamp hangs a little below the ceiling.
 LIGHT_EVERY_M, LIGHT_BELOW_CEILING_FRAC = 6.0, 0.02
-# A room is asked for several times before a run, and by many cases of a family.
+# A room is needed several times before a run, and by many cases of a family.
 _MOST_KEPT = 128
 
 
@@ -73,12 +73,12 @@ def build_layout(layout: Layout, wind: SolverSpec) -> EnvironmentGeometry:
 
 
 def find_room_problems(layout: Layout, wind: SolverSpec) -> list[Problem]:
-    """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
+    """Return all problems of a room, with the places in the scenario; empty when it can be built."""
     return list(_build_once(_Recipe.of(layout, wind))[0])
 
 
 def build_furniture(layout: Layout) -> tuple[Box, ...]:
-    """Return all solids that a layout puts into its room; `obstacles` of the scenario are not among them."""
+    """Return all solids of a layout's family; the scenario's `obstacles` are not among them."""
     match layout:
         case SimpleWarehouseSpec():
             return build_racks(layout, opening_specs(layout))
@@ -100,10 +100,10 @@ def build_furniture(layout: Layout) -> tuple[Box, ...]:
 
 
 def opening_specs(layout: Layout) -> tuple[OpeningSpec, OpeningSpec]:
-    """Return the inlet and the outlet that the scenario asks for, or those that are usual for the layout.
+    """Return the inlet and the outlet of the scenario, or the defaults of the layout.
 
-    Outdoors and in tunnels these are whole faces. In rooms they are the thesis's: on the floor, the inlet at x = 0 in
-    the corner y = 0, the outlet in the opposite corner; in an L-shaped office, at the corridor's end.
+    Defaults are whole faces outdoors and in tunnels. In rooms they are the thesis's: on the floor, the inlet at x = 0
+    in the corner y = 0, the outlet in the opposite corner; in an L-shaped office, at the corridor's end.
     """
     (x_m, y_m, z_m), usual_m = layout.size_m, THESIS_OPENING_M
     if isinstance(layout, PlantSpec | WindTunnelSpec):
@@ -139,7 +139,7 @@ def _build_once(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeomet
     furniture = build_furniture(layout)
     problems = [*_find_size_problems(layout.size_m, wind.cell_m), *_find_obstacle_problems(layout, furniture)]
     if problems:
-        # Openings are checked against the grid of the room, which there is not yet.
+        # The checks of openings need the grid of the room.
         return tuple(problems), None
     nx, ny, nz = (round(length_m / wind.cell_m) for length_m in layout.size_m)
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=wind.cell_m, shape=(nx, ny, nz))
@@ -166,7 +166,7 @@ def _build_once(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeomet
     return tuple(problems), None if problems else room
 
 
-# Not rounded in silence: a room of another size than the scenario's would surprise more than this error does.
+# An error, not a silent rounding: a room of another size than the scenario's would be the greater surprise.
 def _find_size_problems(size_m: Vec3, cell_m: float) -> Iterator[Problem]:
     n_cells = math.prod(length_m / cell_m for length_m in size_m)
     if n_cells > MAX_CELLS:
@@ -193,8 +193,8 @@ def _find_size_problems(size_m: Vec3, cell_m: float) -> Iterator[Problem]:
         )
 
 
-# The largest whole number of millimetres, at most the cell that was asked for, that divides all sides of a room;
-# nothing when it would be so small that the room gets more than about sixty times the cells.
+# The largest whole number of millimetres up to the scenario's cell that divides all sides of a room; None when the room
+# would have more than about sixty times the cells.
 def _find_common_divisor_m(size_m: Vec3, cell_m: float) -> float | None:
     divisor_mm = math.gcd(*(round(length_m * 1000) for length_m in size_m))
     if any(abs(length_m * 1000 - round(length_m * 1000)) > 1e-6 for length_m in size_m):
@@ -232,7 +232,7 @@ def _find_obstacle_problems(layout: Layout, furniture: tuple[Box, ...]) -> Itera
                 )
 
 
-# Outdoors the air goes in and out through the sides and the top too, where nothing else is.
+# Outdoors the air also passes through the sides and the top, where they have no other opening.
 def _list_openings(layout: Layout, wind: SolverSpec) -> Iterator[WantedOpening]:
     inlet, outlet = opening_specs(layout)
     inlet_path, outlet_path = f"{LAYOUT_PATH}.inlet", f"{LAYOUT_PATH}.outlet"
@@ -248,14 +248,14 @@ def _list_openings(layout: Layout, wind: SolverSpec) -> Iterator[WantedOpening]:
             yield WantedOpening(name, "open", face, LAYOUT_PATH, is_optional=True)
 
 
-# As large as one face of the room; `axis` 0, 1, 2 is x, y, z.
+# A whole face of the room; `axis` 0, 1, 2 is x, y, z.
 def _face_spec(size_m: Vec3, axis: int, *, is_upper: bool) -> OpeningSpec:
     low, high = [0.0, 0.0, 0.0], [*size_m]
     (low if is_upper else high)[axis] = size_m[axis] if is_upper else 0.0
     return OpeningSpec(min_m=(low[0], low[1], low[2]), max_m=(high[0], high[1], high[2]))
 
 
-# Outdoors the boxes of the sky and the sides only keep vehicles in: they are hardly seen.
+# Outdoors the boxes of the sky and the sides only keep vehicles in, and are almost transparent.
 def _build_shell(layout: Layout) -> Iterator[Box]:
     for box in closing_boxes((0.0, 0.0, 0.0), layout.size_m, layout.wall_m):
         if isinstance(layout, PlantSpec):
@@ -268,7 +268,7 @@ def _build_shell(layout: Layout) -> Iterator[Box]:
             yield box
 
 
-# In rows below the ceiling, each in the middle of its part of it. Outdoors there is daylight.
+# In rows below the ceiling, each in the middle of its tile. Outdoors there is daylight.
 def _build_lights(layout: Layout) -> tuple[Light, ...]:
     x_m, y_m, z_m = layout.size_m
     if layout.lights is None and isinstance(layout, PlantSpec):

@@ -1,8 +1,8 @@
 # pyright: basic
 """Path planner of vehicles: inflated solids, connected parts of the free air, and paths around corners.
 
-It finds a path over neighbouring cells and shortens it: bends that the vehicle can pass by are left out. The
-referee's shortest ways, by which flights are judged, are in `scoring_paths`, with the reason why there are two.
+It finds a path over neighbouring cells and shortens it: unnecessary bends are left out. The referee's shortest paths,
+by which runs are scored, are in `scoring_paths`, with the reason for two planners.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
@@ -18,12 +18,17 @@ from numpy.typing import NDArray
 from gslcosim.base.cell_kernels import is_step_free, keep_bends, label_parts
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
-from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
 # Lengths of steps in whole numbers, so that equal paths are equal to the bit: 2^32 to the edge of a cell.
 _ONE = 1 << 32
 _STEP = (0, _ONE, round(math.sqrt(2.0) * _ONE), round(math.sqrt(3.0) * _ONE))
 _BLOCKED = 1
+_ANY_PART = 0
+# Least number of samples of a path per cell.
+_LOOKS_PER_CELL = 4
+# Clearance of a vehicle from obstacles beyond its radius, for errors of its control [m].
+MARGIN_M = 0.05
 
 
 @numba.njit(cache=True, nogil=True)
@@ -39,7 +44,7 @@ def block_near_boxes_inplace(blocked, lows_m, highs_m, origin_m, cell_m, clearan
         highs_m: (n, 3) upper corners [m].
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        clearance_m: What every point of a free cell keeps from the boxes [m], >= 0.
+        clearance_m: Least distance of every point of a free cell from the boxes [m], >= 0.
 
     Source:
         Our derivation.
@@ -47,7 +52,7 @@ def block_near_boxes_inplace(blocked, lows_m, highs_m, origin_m, cell_m, clearan
         tests/unit/environment/paths/test_planner.py (against brute force)
     """
     low, high, gap_m = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3)
-    # A cell that only just keeps its distance, up to rounding, is free.
+    # A cell exactly at the clearance, up to rounding, is free.
     nearer_m2 = max(0.0, clearance_m - 1e-6) ** 2
     for box in range(lows_m.shape[0]):
         for a in range(3):
@@ -74,15 +79,15 @@ def nearest_cell(parts, part, solid, is_seen_only, origin_m, cell_m, point_m):
 
     Args:
         parts: (nx, ny, nz) int32 as of `label_parts`.
-        part: Number of the part it has to be of; 0: any.
-        solid: (nx, ny, nz) uint8, 1 where nothing is seen through.
-        is_seen_only: Whether it has to be in sight of the point.
+        part: Number of its part; 0: any.
+        solid: (nx, ny, nz) uint8, 1 where cells block the line of sight.
+        is_seen_only: Consider only cells in sight of the point.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         point_m: (3,) the point, world frame [m].
 
     Returns:
-        Index of the cell in the flat grid; of equally near ones the first; -1 when there is none.
+        Index of the cell in the flat grid, the first of equally near ones; -1 when there is none.
 
     Held by:
         tests/unit/environment/paths/test_planner.py
@@ -110,7 +115,7 @@ def nearest_cell(parts, part, solid, is_seen_only, origin_m, cell_m, point_m):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _left(di, dj, dk):
-    # The length of the shortest path when nothing is in the way: diagonal steps first.
+    # The length of the shortest path without obstacles: diagonal steps first.
     a, b, c = abs(di), abs(dj), abs(dk)
     most, least = max(a, b, c), min(a, b, c)
     middle = a + b + c - most - least
@@ -119,10 +124,10 @@ def _left(di, dj, dk):
 
 @numba.njit(cache=True, nogil=True)
 def lattice_path(blocked, start, goal):
-    """Return a shortest path of steps to neighbouring cells, which cut no corners.
+    """Return a shortest path of steps to neighbouring cells, without cutting corners.
 
-    A*: a cell has 26 neighbours, in a grid of one layer 8. A step of (di, dj, dk) is as long as it is between the
-    centres, and all cells of the block that it spans must be free. Of equally long paths always the same is returned:
+    A*: a cell has 26 neighbours, in a grid of one layer 8. A step of (di, dj, dk) is as long as the distance of the
+    centres, and all cells of the block that it spans must be free. The choice among equally long paths is fixed:
     lengths are whole numbers, and ties go to the cell with less left to go, then to the lower index.
 
     Args:
@@ -203,20 +208,20 @@ def _shorten_path(points_m, blocked, origin_m, cell_m):
 
 @numba.njit(cache=True, nogil=True)
 def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples):
-    """Return whether a polynomial path stays in free cells, looked at in equal steps of time.
+    """Return whether a polynomial path stays in free cells, sampled in equal steps of time.
 
     p_a(t) = sum over powers n of c[a, n] t^n        [m] = [m/s^n] * [s]^n
 
     Args:
         coefficients: (3, 6) axis xyz, power 0 to 5, world frame [m/s^n].
-        duration_s: How long it takes [s].
+        duration_s: Its duration [s].
         blocked: (nx, ny, nz) uint8, 0 where free; index order ij; outside the grid nothing is free.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        n_samples: Steps to look at, >= 1; what lies between two is not seen.
+        n_samples: Number of steps, >= 1; the path between two samples is not checked.
 
     Returns:
-        True when all points looked at, both ends among them, are in free cells.
+        True when all samples, both ends included, are in free cells.
 
     Held by:
         tests/unit/environment/paths/test_planner.py
@@ -237,19 +242,12 @@ def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples
     return True
 
 
-_ANY_PART = 0
-# A path is looked at at least this often per cell.
-_LOOKS_PER_CELL = 4
-# What a vehicle keeps from obstacles beyond its radius: errors of its control [m].
-MARGIN_M = 0.05
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FreeSpace:
-    """Free space for the centre of a vehicle: every point of a free cell keeps its distance from all solids.
+    """Free space for the centre of a vehicle: every point of a free cell keeps the clearance from all solids.
 
-    `blocked` is (nx, ny, nz) uint8, 1 where it may not be; `solid` the same for what is in the way of anything;
-    `parts` numbers the connected parts of the free cells from 1.
+    `blocked` is (nx, ny, nz) uint8, 1 where the centre may not be; `solid` the same for solid cells; `parts` numbers
+    the connected parts of the free cells from 1.
     """
 
     grid: Grid
@@ -262,31 +260,33 @@ class FreeSpace:
         return self.part_of(point_m) > 0
 
     def part_of(self, point_m: Vec3) -> int:
-        """Return the number of the part in which a point lies, world frame [m]; 0 where it is not free."""
+        """Return the number of the part that holds a point, world frame [m]; 0 where it is not free."""
         cell = self.grid.cell_of(np.array(point_m))
         return int(self.parts[tuple(cell)]) if self.grid.contains_cell(cell) else 0
 
     def sees(self, a_m: Vec3, b_m: Vec3) -> bool:
-        """Return whether the straight way between two points, world frame [m], is free."""
+        """Return whether the straight line between two points, world frame [m], is free."""
         return bool(is_line_of_sight_free(self.blocked, self.grid.origin_m, self.grid.cell_m, *a_m, *b_m))
 
     def nearest_m(self, point_m: Vec3, *, part: int = _ANY_PART, in_sight: bool = False) -> Vec3 | None:
-        """Return the centre of the nearest free cell, world frame [m], or nothing when there is none.
+        """Return the centre of the nearest free cell, world frame [m]; None without one.
 
         Args:
             point_m: The point, world frame [m].
-            part: The part that it has to be of; 0: any.
-            in_sight: Whether solids between the two rule it out.
+            part: Number of the cell's part; 0: any.
+            in_sight: Consider only cells without a solid between the two.
         """
         place = (np.asarray(self.grid.origin_m), self.grid.cell_m, np.array(point_m, np.float64))
         node = int(nearest_cell(self.parts, part, self.solid, in_sight, *place))
-        return None if node < 0 else _centre_m(self.grid, np.array(np.unravel_index(node, self.grid.shape)))
+        if node < 0:
+            return None
+        x_m, y_m, z_m = self.grid.centres_of(np.array(np.unravel_index(node, self.grid.shape))).tolist()
+        return x_m, y_m, z_m
 
     def path(self, start_m: Vec3, goal_m: Vec3) -> NDArray[np.float64] | None:
         """Return a short path between two points in free cells as (n, 3) start, bends and goal, world frame [m].
 
-        It is the shortest one over neighbouring cells, see `lattice_path`, with the bends left out that it can pass by
-        in a straight line; nothing when there is none.
+        It is that of `lattice_path` without the bends that a straight line avoids; None when there is none.
         """
         if self.part_of(start_m) == 0 or self.part_of(start_m) != self.part_of(goal_m):
             return None
@@ -294,16 +294,16 @@ class FreeSpace:
         if self.sees(start_m, goal_m):
             return ends_m
         cells = lattice_path(self.blocked, *self.grid.cell_of(ends_m))
-        points_m = np.asarray(self.grid.origin_m) + (cells + 0.5) * self.grid.cell_m
+        points_m = self.grid.centres_of(cells)
         points_m[0], points_m[-1] = ends_m
         return _shorten_path(points_m, self.blocked, np.asarray(self.grid.origin_m), self.grid.cell_m)
 
     def holds_curve(self, coefficients: NDArray[np.float64], duration_s: float, *, max_speed_m_s: float) -> bool:
-        """Return whether a polynomial path stays in free cells; see `is_curve_free`.
+        """Return whether a polynomial path stays in free cells, sampled as in `is_curve_free`.
 
         Args:
             coefficients: (3, 6) axis xyz, power 0 to 5, world frame [m/s^n].
-            duration_s: How long it takes [s].
+            duration_s: Its duration [s].
             max_speed_m_s: The greatest speed on it [m/s].
         """
         n_looks = 1 + math.ceil(_LOOKS_PER_CELL * max_speed_m_s * duration_s / self.grid.cell_m)
@@ -324,21 +324,25 @@ class FreeSpace:
 def free_space(
     environment: EnvironmentGeometry, *, radius_m: float, margin_m: float, ground_m: float | None = None
 ) -> FreeSpace:
-    """Return where the centre of a vehicle may be.
+    """Return the free space for the centre of a vehicle.
 
-    Every point of a free cell is at least radius and margin from all boxes and from the faces of the room at its
-    sides, and its centre at least the radius from floor and ceiling.
+    Every point of a free cell is at least radius and margin from all boxes and from the room's side faces, and its
+    centre at least the radius from floor and ceiling.
 
     Args:
         environment: The room.
         radius_m: The vehicle's radius [m].
-        margin_m: What it keeps beyond that [m].
-        ground_m: For a vehicle that drives, the height of what it stands on, world frame [m]: that is not in its way.
+        margin_m: Further clearance [m].
+        ground_m: For a vehicle that drives, the height of its ground, world frame [m]; boxes below are no obstacles.
     """
     grid, clearance_m = environment.grid, radius_m + margin_m
     solid = (environment.occupancy == Cell.SOLID).astype(np.uint8)
     blocked = solid.copy()
-    boxes = [box for box in environment.boxes if _is_in_the_way(box, ground_m)]
+    boxes = [
+        box
+        for box in environment.boxes
+        if box.kind not in ("floor", "ceiling") and (ground_m is None or box.max_m[2] > ground_m + 1e-6)
+    ]
     lows_m, highs_m = (np.array([getattr(box, end) for box in boxes]).reshape(-1, 3) for end in ("min_m", "max_m"))
     block_near_boxes_inplace(blocked, lows_m, highs_m, np.asarray(grid.origin_m), grid.cell_m, clearance_m)
     n_side, n_height = math.ceil(clearance_m / grid.cell_m - 1e-6), math.ceil(radius_m / grid.cell_m - 0.5 - 1e-6)
@@ -350,7 +354,7 @@ def free_space(
 
 
 def warm_up_planner() -> None:
-    """Plan once around a made-up corner, so that no kernel is compiled or loaded while simulated time passes."""
+    """Plan once around a corner, so that no kernel is compiled or loaded during a run."""
     blocked = np.zeros((3, 3, 1), np.uint8)
     blocked[1, :2] = 1
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(3, 3, 1))
@@ -358,12 +362,3 @@ def warm_up_planner() -> None:
     space.path((0.5, 0.5, 0.5), (2.5, 0.5, 0.5))
     space.nearest_m((1.5, 0.5, 0.5), in_sight=True)
     space.holds_curve(np.zeros((3, 6)), 1.0, max_speed_m_s=1.0)
-
-
-def _is_in_the_way(box: Box, ground_m: float | None) -> bool:
-    return box.kind not in ("floor", "ceiling") and (ground_m is None or box.max_m[2] > ground_m + 1e-6)
-
-
-def _centre_m(grid: Grid, cell: NDArray[np.int64]) -> Vec3:
-    x_m, y_m, z_m = (np.asarray(grid.origin_m) + (cell + 0.5) * grid.cell_m).tolist()
-    return x_m, y_m, z_m

@@ -1,17 +1,17 @@
 # pyright: basic
 """Shortest collision-free paths through an environment: the truth by which the referee scores runs.
 
-Vehicles plan with `planner` instead, which shortens their paths, and that there are two is on purpose.
-What is judged must not judge itself: the ways here know nothing of a vehicle, its grid of inflated boxes or its
-corners. And they answer other questions: here how short a way can be, by bends anywhere between the cells, once per
-run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight. Only what a step may cross is
-shared.
+Vehicles plan with `planner` instead. Two planners are intended, so that no vehicle's planner scores itself: the paths
+here do not depend on a vehicle's inflated boxes or corners. Their purposes differ too: here the least length, with
+bends anywhere between the cells, once per run; there a path over neighbouring cells for a vehicle of some size, during
+its motion. Both have only the rule for a step between cells in common.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,11 +25,16 @@ from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
 _BLOCKED = 1
+_MAX_TIGHTENING_ROUNDS = 200
+# Step at which tightening ends, in cells.
+_SMALLEST_STEP = 1e-4
+
+Sees = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _point_of(node, ends, shape, origin_m, cell_m):
-    # Cell centres, except that the path begins and ends at the very points.
+    # Cell centres, except for the exact points at both ends of the path.
     start_node, start_m, goal_node, goal_m = ends
     if node == start_node:
         return start_m[0], start_m[1], start_m[2]
@@ -41,7 +46,7 @@ def _point_of(node, ends, shape, origin_m, cell_m):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _node_of(point_m, shape, origin_m, cell_m):
-    # The flat index of the cell that holds a point, -1 outside the grid.
+    # Flat index of the cell that holds a point; -1 outside the grid.
     i = math.floor((point_m[0] - origin_m[0]) / cell_m)
     j = math.floor((point_m[1] - origin_m[1]) / cell_m)
     k = math.floor((point_m[2] - origin_m[2]) / cell_m)
@@ -55,21 +60,21 @@ def _distance(a, b):
 
 @numba.njit(cache=True, nogil=True)
 def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
-    """Return a short way between two points through free cells, by straight legs of any direction.
+    """Return a short path between two points through free cells, with straight legs of any direction.
 
-    Lazy Theta*: A* over the 26 neighbours of each cell, where a cell's way may come straight from any earlier point
-    that it sees. Bends lie at cell centres, so the way is longer than the shortest by about half a cell at each bend.
+    Lazy Theta*: A* over the 26 neighbours of each cell, where a leg to a cell may start at any earlier point in its
+    sight. Bends lie at cell centres, so the path exceeds the shortest by about half a cell at each bend.
 
     Args:
-        blocked: (nx, ny, nz) uint8, 1 where the way may not go, else 0; index order ij.
+        blocked: (nx, ny, nz) uint8, 0 where free; index order ij.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
-        start_m: (3,) where the way begins, world frame [m], in a free cell.
-        goal_m: (3,) where it is to end, world frame [m].
-        within_m: The way may end anywhere this near to the goal [m], >= 0.
+        start_m: (3,) start, world frame [m], in a free cell.
+        goal_m: (3,) goal, world frame [m].
+        within_m: The path may end anywhere within this distance of the goal [m], >= 0.
 
     Returns:
-        (n, 3) points of the way, world frame [m], the start first; (0, 3) when there is none.
+        (n, 3) points of the path, world frame [m], the start first; (0, 3) when there is none.
 
     Source:
         Nash, Koenig and Tovey 2010, Lazy Theta*: any-angle path planning and path length analysis in 3D, AAAI, fig. 4.
@@ -97,7 +102,7 @@ def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
         if not is_line_of_sight_free(
             blocked, origin_m, cell_m, before[0], before[1], before[2], here[0], here[1], here[2]
         ):
-            # The straight way that was hoped for is not there: come from the best neighbour instead.
+            # The assumed straight leg is blocked: come from the best neighbour instead.
             length_m[node] = np.inf
             for step in range(27):
                 di, dj, dk = step // 9 - 1, (step // 3) % 3 - 1, step % 3 - 1
@@ -136,14 +141,9 @@ def _points_back_to_start(node, parent, ends, shape, origin_m, cell_m):
     return np.array(points[::-1])
 
 
-_MAX_TIGHTENING_ROUNDS = 200
-# Where tightening ends, in cells.
-_SMALLEST_STEP = 1e-4
-
-
 @dataclass(frozen=True, kw_only=True)
 class Layer:
-    """One layer of a room's cells: all there is for a vehicle that stays at its height."""
+    """One layer of a room's cells, for a vehicle of constant height."""
 
     grid: Grid
     occupancy: NDArray[np.uint8]
@@ -155,10 +155,7 @@ Places = EnvironmentGeometry | Layer
 def shortest_path_m(
     environment: Places, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
 ) -> float | None:
-    """Return the length [m] of the shortest collision-free way; nothing when there is none.
-
-    See `shortest_path`, which also tells how exact it is.
-    """
+    """Return the length [m] of the path of `shortest_path`; None without one."""
     points_m = shortest_path(environment, start_m, goal_m, clearance_m=clearance_m, within_m=within_m)
     return None if points_m is None else _length_m(*points_m)
 
@@ -166,25 +163,25 @@ def shortest_path_m(
 def shortest_path(
     environment: Places, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
 ) -> NDArray[np.float64] | None:
-    """Return the bends of the shortest collision-free way, or nothing when there is none.
+    """Return the bends of the shortest collision-free path; None without one.
 
-    The way keeps its distance from solid cells and from the faces of the room. Where the start or the goal itself is
-    nearer than that, the way may be too: to solid cells in the neighbourhood of that end, to a face all along. So a
-    vehicle can start on the floor and a source can lie beside a shelf.
+    The path keeps its clearance from solid cells and from the faces of the room. Where the start or the goal itself is
+    nearer than that, the path may be too: to solid cells in the neighbourhood of that end, to a face along its whole
+    length. So a vehicle can start on the floor and a source can lie beside a shelf.
 
-    A way in plain sight is exact. Others go around cells instead of round the true shapes: a cell counts as too near
-    when its centre is nearer to a solid cell than the clearance, so each bend is off by up to about half a cell.
+    A straight path is exact. Others go around cells instead of the true shapes: a cell is too near when its centre is
+    nearer to a solid cell than the clearance, so each bend is off by up to about half a cell.
 
     Args:
         environment: The room.
-        start_m: Where the way begins, world frame [m].
-        goal_m: Where it is to end, world frame [m].
-        clearance_m: What to keep from all solids [m], >= 0; the radius of a vehicle.
-        within_m: The way ends as soon as it is this near to the goal [m], >= 0, whatever lies between.
+        start_m: Start, world frame [m].
+        goal_m: Goal, world frame [m].
+        clearance_m: Distance from all solids [m], >= 0; the radius of a vehicle.
+        within_m: The path ends within this distance of the goal [m], >= 0, even behind a wall.
 
     Returns:
-        (n, 3) start, bends and end, world frame [m]; the start alone when it is near enough; nothing when there is no
-        way, or when the start, or the goal that must be reached, is outside the room or in a solid cell.
+        (n, 3) start, bends and end, world frame [m]; the start alone when it is near enough; None when there is no
+        path, or when the start, or a goal to be reached exactly, is outside the room or in a solid cell.
     """
     start, goal = np.asarray(start_m, dtype=np.float64), np.asarray(goal_m, dtype=np.float64)
     if not _is_air(environment, start) or (within_m == 0.0 and not _is_air(environment, goal)):
@@ -196,15 +193,23 @@ def shortest_path(
     if not (environment.occupancy == Cell.SOLID).any():
         return straight
     blocked = _blocked(environment, start, goal, clearance_m)
-    if _sees(blocked, environment.grid, straight[0], straight[1]):
+    origin_m, cell_m = environment.grid.origin_m, environment.grid.cell_m
+
+    def sees(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+        return bool(is_line_of_sight_free(blocked, origin_m, cell_m, a[0], a[1], a[2], b[0], b[1], b[2]))
+
+    if sees(straight[0], straight[1]):
         return straight
-    points_m = any_angle_path(
-        blocked, np.asarray(environment.grid.origin_m), environment.grid.cell_m, start, goal, float(within_m)
-    )
+    points_m = any_angle_path(blocked, np.asarray(origin_m), cell_m, start, goal, float(within_m))
     if not len(points_m):
         return None
-    tightened_m = _tightened(_cut_short(points_m, goal, within_m), blocked, environment.grid)
-    return _tightened(_aimed(tightened_m, goal, within_m, blocked, environment.grid), blocked, environment.grid)
+    tightened_m = _tightened(_cut_short(points_m, goal, within_m), cell_m, sees)
+    # The last leg turns straight to the goal, where its new end is in sight.
+    offset = tightened_m[-2] - goal
+    end = goal + offset * (within_m / float(np.linalg.norm(offset)))
+    if sees(tightened_m[-2], end):
+        tightened_m = np.concatenate([tightened_m[:-1], [end]])
+    return _tightened(tightened_m, cell_m, sees)
 
 
 def shortest_level_path_m(
@@ -215,17 +220,17 @@ def shortest_level_path_m(
     clearance_m: float,
     within_m: float = 0.0,
 ) -> float | None:
-    """Return the length [m] of the shortest collision-free way at the height of its start, that of a vehicle on wheels.
+    """Return the length [m] of the shortest collision-free path at the height of its start, for a vehicle on wheels.
 
     Args:
         environment: The room.
-        start_m: Where the way begins, world frame [m].
-        goal_m: What it is to come near to, world frame [m], at any height.
-        clearance_m: What to keep from all solids at that height [m], >= 0.
-        within_m: The way ends as soon as it is this near to the goal, in space [m]; 0: below or above the goal.
+        start_m: Start, world frame [m].
+        goal_m: Goal, world frame [m], at any height.
+        clearance_m: Distance from all solids at that height [m], >= 0.
+        within_m: The path ends within this distance of the goal, in space [m]; 0: below or above the goal.
 
     Returns:
-        The length; nothing when there is no way, or none that comes near enough at this height. See `shortest_path`.
+        The length; None without a path, or when no path at this height comes near enough to the goal.
     """
     rise_m = goal_m[2] - start_m[2]
     if within_m and abs(rise_m) > within_m:
@@ -237,7 +242,7 @@ def shortest_level_path_m(
 
 
 def layer_at(environment: EnvironmentGeometry, height_m: float) -> Layer:
-    """Return the cells at a height, as a layer about height 0; it has none where the height is outside the room."""
+    """Return the cells at a height [m], as a layer around height 0; without cells for a height outside the room."""
     grid = environment.grid
     layer = math.floor((height_m - grid.origin_m[2]) / grid.cell_m)
     occupancy = environment.occupancy[:, :, layer : layer + 1] if layer >= 0 else environment.occupancy[:, :, :0]
@@ -246,16 +251,16 @@ def layer_at(environment: EnvironmentGeometry, height_m: float) -> Layer:
 
 
 def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: float) -> NDArray[np.float32]:
-    """Return how far each cell's centre is from the nearest solid cell.
+    """Return the distance of each cell's centre from the nearest solid cell.
 
-    d^2(p) = min over solid cells q of the sum over axes of f(p - q)^2, f(n) = max(|n| - 1/2, 0) * cell_m, which is
-    taken axis by axis because the sum separates.
+    d^2(p) = min over solid cells q of the sum over axes of f(p - q)^2, f(n) = max(|n| - 1/2, 0) * cell_m, computed
+    axis by axis because the sum separates.
     [m^2] = [m]^2
 
     Args:
         is_solid: (nx, ny, nz) bool, index order ij.
         cell_m: Edge of the cubic cells [m].
-        up_to_m: Distances beyond this are not looked for and are infinite [m].
+        up_to_m: Greatest distance of interest [m]; larger ones are infinite.
 
     Returns:
         (nx, ny, nz) distance from centre to the surface of the nearest solid cell [m]; 0 inside one.
@@ -281,13 +286,13 @@ def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: fl
     return distance_m
 
 
-# 1 where a way may not go; see `shortest_path` for the rules.
+# 1 in cells that are too near to solids or faces, by the rules of `shortest_path`.
 def _blocked(
     environment: Places, start: NDArray[np.float64], goal: NDArray[np.float64], clearance_m: float
 ) -> NDArray[np.uint8]:
     grid = environment.grid
     is_solid = environment.occupancy == Cell.SOLID
-    # The small difference keeps cells out of it that are as far as they must be, up to rounding.
+    # The small difference leaves cells exactly at the clearance, up to rounding, free.
     is_blocked = clearance_field_m(is_solid, grid.cell_m, up_to_m=clearance_m) < clearance_m - 1e-6
     for end in (start, goal):
         window = _window(grid, end, clearance_m + grid.cell_m)
@@ -316,11 +321,7 @@ def _is_air(environment: Places, point: NDArray[np.float64]) -> bool:
     return bool(environment.grid.contains_cell(cell)) and environment.occupancy[tuple(cell)] != Cell.SOLID
 
 
-def _sees(blocked: NDArray[np.uint8], grid: Grid, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    return bool(is_line_of_sight_free(blocked, grid.origin_m, grid.cell_m, a[0], a[1], a[2], b[0], b[1], b[2]))
-
-
-# Ends the way where it first comes within a distance of the goal.
+# Ends the path at its first point within a distance of the goal.
 def _cut_short(points_m: NDArray[np.float64], goal: NDArray[np.float64], within_m: float) -> NDArray[np.float64]:
     for i in range(1, len(points_m)):
         leg, offset = points_m[i] - points_m[i - 1], points_m[i - 1] - goal
@@ -334,44 +335,30 @@ def _cut_short(points_m: NDArray[np.float64], goal: NDArray[np.float64], within_
     return points_m
 
 
-# Turns the last leg straight to the goal, where the point at which it then ends is in sight.
-def _aimed(
-    points_m: NDArray[np.float64], goal: NDArray[np.float64], within_m: float, blocked: NDArray[np.uint8], grid: Grid
-) -> NDArray[np.float64]:
-    offset = points_m[-2] - goal
-    end = goal + offset * (within_m / float(np.linalg.norm(offset)))
-    return np.concatenate([points_m[:-1], [end]]) if _sees(blocked, grid, points_m[-2], end) else points_m
-
-
-# Moves each bend along the axes in smaller and smaller steps, as long as that shortens the way and both legs stay
-# free, and drops bends that are not needed. Along the axes, because solids are cells: a bend then slides along their
-# faces and edges instead of getting stuck at them.
-def _tightened(points_m: NDArray[np.float64], blocked: NDArray[np.uint8], grid: Grid) -> NDArray[np.float64]:
+# Moves each bend along the axes in ever smaller steps, as long as that shortens the path and both legs stay free, and
+# drops unnecessary bends. Along the axes, because solids are cells: a bend then slides along their faces and edges
+# instead of sticking to them.
+def _tightened(points_m: NDArray[np.float64], cell_m: float, sees: Sees) -> NDArray[np.float64]:
     points = list(points_m)
-    step_m = grid.cell_m / 2
+    step_m = cell_m / 2
     for _ in range(_MAX_TIGHTENING_ROUNDS):
         has_moved = False
         for i in range(len(points) - 2, 0, -1):
-            if _sees(blocked, grid, points[i - 1], points[i + 1]):
+            if sees(points[i - 1], points[i + 1]):
                 del points[i]
                 continue
-            better = _better_bend(points[i - 1], points[i], points[i + 1], step_m, blocked, grid)
+            better = _better_bend(points[i - 1], points[i], points[i + 1], step_m, sees)
             has_moved |= better is not points[i]
             points[i] = better
         if not has_moved:
             step_m /= 2
-        if step_m < _SMALLEST_STEP * grid.cell_m:
+        if step_m < _SMALLEST_STEP * cell_m:
             break
     return np.stack(points)
 
 
 def _better_bend(
-    before: NDArray[np.float64],
-    bend: NDArray[np.float64],
-    after: NDArray[np.float64],
-    step_m: float,
-    blocked: NDArray[np.uint8],
-    grid: Grid,
+    before: NDArray[np.float64], bend: NDArray[np.float64], after: NDArray[np.float64], step_m: float, sees: Sees
 ) -> NDArray[np.float64]:
     best, best_m = bend, _length_m(before, bend, after)
     for axis in range(3):
@@ -379,11 +366,7 @@ def _better_bend(
             candidate = bend.copy()
             candidate[axis] += sign * step_m
             candidate_m = _length_m(before, candidate, after)
-            if (
-                candidate_m < best_m
-                and _sees(blocked, grid, before, candidate)
-                and _sees(blocked, grid, candidate, after)
-            ):
+            if candidate_m < best_m and sees(before, candidate) and sees(candidate, after):
                 best, best_m = candidate, candidate_m
     return best
 

@@ -43,7 +43,8 @@ def test_wind_is_drawn_where_it_blows(make_room):
 
 @pytest.mark.parametrize("height_m", [-5.0, 0.0, 100.0])
 def test_any_height_gives_a_picture(make_room, height_m):
-    assert top_view_png(make_room(wind_m_s=[(1.0, 0.0, 0.0)]), height_m=height_m).startswith(b"\x89PNG")
+    room = make_room(wind_m_s=[(1.0, 0.0, 0.0)])
+    assert top_view_png(room, sources_m=[(13.0, 8.0, height_m)]).startswith(b"\x89PNG")
 
 
 def test_the_scene_has_each_box_with_its_name_and_place(make_room):

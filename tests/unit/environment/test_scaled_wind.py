@@ -27,7 +27,7 @@ def frames():
 
 def test_a_share_scales_every_frame(frames):
     wind = driven(frames)
-    wind.take(WindShare(tick=0, share=2.5))
+    wind.obey({WIND: WindShare(tick=0, share=2.5)})
     for i, time_s in enumerate((0.0, 10.0, 29.9)):
         np.testing.assert_array_equal(wind.at(time_s), frames.velocity_m_s[i] * np.float32(2.5))
 
@@ -35,15 +35,15 @@ def test_a_share_scales_every_frame(frames):
 def test_the_last_share_holds(frames):
     wind = driven(frames)
     for share in (0.0, 3.0, 0.5):
-        wind.take(WindShare(tick=0, share=share))
-        wind.take(None)
+        wind.obey({WIND: WindShare(tick=0, share=share)})
+        wind.obey({})
         np.testing.assert_array_equal(wind.at(5.0), frames.velocity_m_s[0] * np.float32(share))
 
 
 def test_without_a_share_the_frames_are_not_copied(frames):
     wind = driven(frames)
     assert np.shares_memory(wind.at(12.0), frames.velocity_m_s[1])
-    wind.take(WindShare(tick=0, share=2.0))
+    wind.obey({WIND: WindShare(tick=0, share=2.0)})
     wind.reset()
     assert np.shares_memory(wind.at(12.0), frames.velocity_m_s[1])
 
@@ -51,7 +51,7 @@ def test_without_a_share_the_frames_are_not_copied(frames):
 @pytest.mark.parametrize("share", [1.0, 2.0])
 def test_winds_are_handed_out_read_only_and_contiguous(frames, share):
     wind = driven(frames)
-    wind.take(WindShare(tick=0, share=share))
+    wind.obey({WIND: WindShare(tick=0, share=share)})
     assert wind.at(0.0).flags.c_contiguous
     assert not wind.at(0.0).flags.writeable
     assert wind.at(0.0).dtype == np.float32

@@ -56,4 +56,4 @@ def test_places_keep_their_gap_to_what_is_taken():
 
 def test_a_thing_larger_than_the_zone_has_no_place():
     zone = Area(min_m=(0.0, 0.0), max_m=(1.0, 5.0))
-    assert list(free_places(np.random.default_rng(1), (2.0, 1.0), zone, [])) == []
+    assert list(free_places(np.random.default_rng(1), (2.0, 1.0), zone, [], gap_m=0.0)) == []
