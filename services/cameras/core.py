@@ -30,17 +30,17 @@ FAR_M = 500.0
 MM_PER_M = 1000.0
 MAX_DEPTH_MM = 65535
 JPEG_QUALITY = 90
-# OpenGL shines with eight lamps at once, one of them the camera's own.
+# OpenGL has eight lamps at once, one of them the camera's own.
 MAX_LAMPS = 7
-# Columns: x, y, z of the axes that MuJoCo gives a camera (right, up, backward) and of the optical frame (right, down,
-# ahead), in those of the sensor (ahead, left, up).
+# Columns: axes of MuJoCo's camera (right, up, backward) and of the optical frame (right, down, ahead), in the axes of
+# the sensor (ahead, left, up).
 _SENSOR_FROM_MUJOCO = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _SENSOR_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Camera:
-    """One camera: which of the model's it is, when it takes pictures, and its own vehicle's geoms."""
+    """One camera: its index in the model, its period, and the geoms of its own vehicle."""
 
     agent: str
     spec: CameraSensorSpec
@@ -80,7 +80,7 @@ class CamerasCore:
         )
 
     def reset(self, episode: Episode) -> Outbox:
-        """Close and open the doors as at the start: else pictures depend on the poses only."""
+        """Close and open the doors as at the start; pictures depend on nothing else but the poses."""
         del episode
         self._room.reset()
         return {}
@@ -95,7 +95,7 @@ class CamerasCore:
         return {keys.IMAGES: CameraFrames(tick=tick, frames=tuple(self._frame(camera, tick) for camera in due))}
 
     def close(self) -> None:
-        """Give the driver's memory back."""
+        """Release the driver's memory."""
         self._view.close()
 
     def _camera(self, agent: AgentSpec, sensor: CameraSensorSpec, tick_ns: int) -> _Camera:

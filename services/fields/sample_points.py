@@ -102,8 +102,8 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
     return distance * cell_m
 
 
-# Models whose readings are means along a beam.
-# Midpoints so far apart at most sum a Gaussian of 0.1 m to nine digits.
+# Models with readings that are means along a beam. Midpoints so far apart at most sum a Gaussian of 0.1 m to nine
+# digits.
 BEAM_SPACING_M = 0.1
 
 
@@ -145,7 +145,7 @@ class Beams:
         return len(self._beams)
 
     def close_doors(self, closed: Closed) -> None:
-        """Let these doors of the room be closed and all others open; or all as at the start."""
+        """Close these doors of the room and open all others; None sets the doors of the start."""
         self._occupancy = self._rooms.get(closed, self._rooms[AT_START])
 
     def points_of(self, bodies: BodyPoses) -> dict[tuple[str, str], tuple[float, NDArray[np.float64]]]:

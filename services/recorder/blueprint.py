@@ -25,7 +25,7 @@ from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELI
 from gslcosim_services.recorder.scene import floor_grid_m
 from gslcosim_services.recorder.stream_table import Stream
 
-# Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
+# Direction of the eye from the room's middle: somewhat west of south and above, the inlet's side in front.
 CAMERA_AZIMUTH_RAD = math.radians(-114.0)
 CAMERA_ELEVATION_RAD = math.radians(31.0)
 # The viewer's vertical field of view, measured in pictures of it, and the shapes of the views in a 16:10 window.
@@ -71,8 +71,8 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
 
     Args:
-        height_m: Where the layer is [m].
-        n_views: How many maps stand side by side; each is as much narrower.
+        height_m: Height of the layer [m].
+        n_views: Number of maps side by side; each is as much narrower.
     """
     aspect = MAP_VIEW_ASPECT * 2 / (n_views + 1)
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
@@ -84,7 +84,7 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     return _vec3(target_m + offset_m), _vec3(target_m)
 
 
-# Walls of somebody's own geometry lie around the grid.
+# Walls of imported geometry lie around the grid.
 def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     lows_m = [environment.grid.origin_m, *(mesh.vertices_m.min(axis=0) for mesh in environment.meshes)]
     highs_m = [environment.grid.max_m, *(mesh.vertices_m.max(axis=0) for mesh in environment.meshes)]
@@ -114,7 +114,7 @@ def summary_text(
 
 
 def title(scenario: Scenario) -> str:
-    """Return one line that says what is run."""
+    """Return the run's title in one line."""
     names = [name if name == method else f"{name} ({method})" for name, method in scenario.methods.items()]
     who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
     return f"{scenario.name}: {who} searching for {scenario.gas.gas}"
@@ -207,12 +207,12 @@ def _point(position_m: tuple[float, float, float]) -> str:
 
 # The curves end a little after the cursor, so that their last points are seen.
 LOOK_AHEAD_S = 3.0
-# So many cameras are seen beside the run at once; more of them share one place.
+# Number of cameras beside the run at once; more of them are tabs of one panel.
 MAX_CAMERAS_IN_A_ROW = 3
 MAX_GRID_COLUMNS = 4
 # A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
 MAX_CURVES_WITH_LEGEND = 4
-# Where a legend covers least: gas is met late, what metal oxides report falls then, and distances begin far away.
+# Corners in which a legend covers least: gas comes late, responses of metal oxides fall then, distances begin large.
 _LEGEND_OF_GAS = rrb.Corner2D.LeftTop
 _LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
 _FALLING_UNIT = "ohm"
@@ -242,7 +242,7 @@ def build_run_plots(
         plots.append(_plot(streams.MIXING_RATIO.root, f"True {what} at the sensor [ppm]", n_curves, _LEGEND_OF_GAS))
         plots.append(_group(responses))
     if any(agent.wind_sensors for agent in agents):
-        # Without a legend: what is measured is noisy everywhere.
+        # Without a legend: measurements are noisy over the whole plot.
         plots.append(_plot(streams.WIND_SPEED.root, f"{_titled(streams.WIND_SPEED)}, true in grey", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
     behind = [
@@ -261,7 +261,7 @@ def _titled(stream: Stream) -> str:
     return label_with_unit(stream.title, stream.unit)
 
 
-# What is looked at first is in front.
+# The most important plot is in front.
 def _group(plots: Sequence[rrb.TimeSeriesView]) -> rrb.TimeSeriesView | rrb.Tabs:
     return plots[0] if len(plots) == 1 else rrb.Tabs(*plots, active_tab=0)
 
@@ -278,7 +278,7 @@ def _belief_plots(scenario: Scenario, believing: Sequence[AgentEntities]) -> lis
     return [_plot(streams.BELIEF_MASS.root, name, len(believing), _LEGEND_OF_GAS)]
 
 
-# Several vehicles with one curve each have their colours, which the legend of the distances tells.
+# Several vehicles with one curve each have their own colours, which the legend of the distances shows.
 def _has_one_color(n_curves: int, agents: Sequence[AgentEntities]) -> int:
     return 0 if n_curves <= len(agents) else n_curves
 
@@ -322,7 +322,7 @@ def build_sensor_page(agent: AgentEntities) -> rrb.Grid | None:
     return rrb.Grid(*views, grid_columns=columns, name=f"Sensors of {agent.agent.name}")
 
 
-# Readings of one unit share a plot.
+# Readings of one unit are in one plot.
 def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
     members: dict[str, list[tuple[str, str]]] = {}
     for agent in agents:
@@ -371,7 +371,7 @@ def _plot(
     )
 
 
-# How much higher pictures of cameras are than plots.
+# Height of pictures of cameras over that of plots.
 CAMERA_WEIGHT = 1.6
 # The map shows one gas at its height, and nothing that would hide it.
 _NOT_ON_MAP = (
@@ -390,12 +390,12 @@ def default_blueprint(
 ) -> rrb.Blueprint:
     """Return the layout: the room, the map at search height and the text left, cameras and curves right.
 
-    Where vehicles have on-board sensors, each has a page of its own behind this one, with their pictures and curves.
-    Panels are folded away and the time cursor stands at the end of the run, where the whole track is seen.
+    Each vehicle with on-board sensors has a page of its own behind this one, with their pictures and curves. Panels are
+    folded away and the time cursor stands at the end of the run, so that the whole track is visible.
 
     Args:
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
-        has_notes: Whether methods note their state, which has a lane for each mode and curves.
+        has_notes: True if methods note their state, which has a lane for each mode and curves.
     """
     agents = build_entities(scenario)
     flight = _run_page(scenario, environment, agents, believers, has_notes=has_notes)

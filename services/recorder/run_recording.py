@@ -44,7 +44,7 @@ from gslcosim_services.recorder.rows.events import (
 from gslcosim_services.recorder.rows.gas import GasRows
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
 
-# What of the referee's events is marked in the room where it happened; all of them are in its log.
+# Referee's events that have a mark at their place in the room, with its text; all of them are in the log.
 FIRST_GAS = "first gas"
 MARKED_EVENTS = {"take_off": "start", "gas_contact": FIRST_GAS}
 WARNING_EVENTS = frozenset({"contact", "refused", "collision", "agent_failed", "out_of_bounds"})
@@ -62,12 +62,12 @@ class RunRecording:
     def __init__(
         self, file: RecordingFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer, folder: Path
     ) -> None:
-        """Draw what stands still.
+        """Draw the static scene.
 
         Args:
             file: An empty file; it belongs to this object from now on.
             wind_layer: The environment's wind at the slice's height.
-            folder: Where the machine's notes of the run are, if there are any.
+            folder: Folder of the machine's notes of the run, if there are any.
         """
         self._file = file
         self._scenario = scenario
@@ -116,7 +116,7 @@ class RunRecording:
         file.flush()
 
     def note(self, tick: int, inbox: Inbox) -> None:
-        """Take note of everything of a tick but the verdict."""
+        """Record all messages of a tick but the verdict."""
         self._file.check()
         self._waiting.append((tick, inbox))
         if len(self._waiting) >= BATCH_TICKS:
@@ -128,7 +128,7 @@ class RunRecording:
             self._note_rare(tick, inbox)
         self._note_columns(waiting)
 
-    # What seldom comes, and what depends on what came before: tick by tick.
+    # Rare messages, and those whose rows depend on earlier ones: tick by tick.
     def _note_rare(self, tick: int, inbox: Inbox) -> None:
         if not self._is_still:
             self._doors.add(tick, inbox)
@@ -152,7 +152,7 @@ class RunRecording:
         self._services.add(tick, inbox)
         self._note_events(tick, cast(Score | None, inbox.get(keys.SCORE)))
 
-    # What comes at every tick: column by column, which costs a fraction of a call for each number.
+    # Messages of every tick: column by column, which costs a fraction of a call for each number.
     def _note_columns(self, waiting: Sequence[tuple[int, Inbox]]) -> None:
         ticks, bodies = _list_messages(waiting, keys.BODIES)
         for agent, column in split_columns(ticks, [message.bodies for message in bodies], "agent"):
@@ -169,7 +169,7 @@ class RunRecording:
             self._agents[agent].note_scores(*column)
 
     def end(self, verdict: Verdict) -> None:
-        """Send what waits and write how the run ended."""
+        """Send the waiting rows and write the end of the run."""
         self.is_over = True
         self._take()
         time_s = seconds_from_ticks(verdict.tick, self._scenario.tick_ns)
@@ -186,7 +186,7 @@ class RunRecording:
         self._rows.send()
 
     def close(self) -> None:
-        """Send what waits, write the file's footer and release it."""
+        """Send the waiting rows, write the file's footer and release it."""
         try:
             if not self.is_over:
                 self._note_machine(sys.maxsize)
@@ -241,12 +241,12 @@ class RunRecording:
     def _label(self, agent: AgentRows) -> str:
         return "" if len(self._agents) == 1 else f"{agent.names.agent.name} "
 
-    # Asked for where something is marked at a vehicle, which is seldom.
+    # Called for marks at a vehicle alone, which are rare.
     def _locate_agents(self) -> None:
         for body in self._bodies:
             self._agents[body.agent].position_m = body.position_world_m
 
-    # Nobody knows before the run who will publish beliefs or notes, and an empty view would be in the way of others.
+    # Which agents publish beliefs or notes is not known before the run, and an empty view would take others' place.
     def _lay_out(self) -> None:
         believers = tuple(name for name, rows in self._agents.items() if rows.has_beliefs)
         has_notes = any(rows.has_notes for rows in self._agents.values())
@@ -284,7 +284,7 @@ def _list_messages(waiting: Sequence[tuple[int, Inbox]], port: str) -> tuple[lis
 
 
 def format_transmission(sent: RadioTransmission) -> str:
-    """Return in one line what was sent and what became of it."""
+    """Return a text and its fate in one line."""
     head = f"{sent.sender} on {sent.message.channel} to {sent.message.to}: {sent.message.text}"
     if sent.refusal is not None:
         return f"{head}   [refused: {sent.refusal}]"

@@ -68,11 +68,11 @@ class WindLayer:
     """
 
     def __init__(self, environment: Environment, height_m: float, *, like: "WindLayer | None" = None) -> None:
-        """Look at a layer.
+        """Choose the arrows of a layer.
 
         Args:
-            height_m: At which height [m].
-            like: Whose scale the arrows have; absent: one of their own.
+            height_m: Height of the layer [m].
+            like: Layer that sets the scale of the arrows; absent: a scale of their own.
         """
         plan = PlanView.of(environment, height_m)
         cells, spacing = space_arrows(~plan.solid, ARROWS_PER_SIDE)
@@ -98,7 +98,7 @@ class WindLayer:
         return (self._centres_m - vectors_m / 2).astype(np.float32), vectors_m.astype(np.float32)
 
     def draw(self, file: RecordingFile, entity: str, *, is_one_of_many: bool = False) -> None:
-        """Draw what all frames share; steady wind as a whole, where it is the only one."""
+        """Draw the look of all frames; steady wind as a whole, where it is the only one."""
         is_steady = self.is_steady and not is_one_of_many
         origins_m, vectors_m = self.arrows_m(0) if is_steady else (None, None)
         radius_m = ARROW_RADIUS_SPACINGS * self.spacing_m

@@ -33,7 +33,7 @@ from gslcosim_services.sensing.models.range_finders import ray_directions_body
 PICTURE_DISTANCE_M = 0.5
 FRUSTUM_WIDTH_M = 0.006
 DEPTH_UNITS_PER_M = 1000.0
-# Fraction of its pixel that a point of a depth picture fills in space: what is behind stays visible.
+# Fraction of its pixel that a point of a depth picture fills in space: objects behind stay visible.
 DEPTH_FILL_FRAC = 0.25
 
 
