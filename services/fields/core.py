@@ -41,6 +41,15 @@ from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
 from gslcosim_services.fields.sample_points import Beams, MountPositions
 from gslcosim_services.fields.service import fields_spec
 
+# For the eye, 3 sigma are enough in a slice: beyond, a filament adds 1 % of its centre, at 2.5 times the cost.
+SLICE_CUTOFF_SIGMA = 3.0
+
+_new_amount, _new_sample, _new_samples = (
+    build_unchecked_constructor(GasAmount),
+    build_unchecked_constructor(MountSample),
+    build_unchecked_constructor(FieldSamples),
+)
+
 
 class GasEvents:
     """Changes of sources: opened, closed, changed or moved by events, and rates that participants set."""
@@ -98,16 +107,6 @@ def initially_closed_sources(scenario: Scenario) -> list[int]:
         if isinstance(event, SourceStartsSpec | SourceStopsSpec):
             firsts.setdefault(event.source, isinstance(event, SourceStartsSpec))
     return [i for i, is_start in firsts.items() if is_start]
-
-
-# For the eye, 3 sigma are enough in a slice: beyond, a filament adds 1 % of its centre, at 2.5 times the cost.
-SLICE_CUTOFF_SIGMA = 3.0
-
-_new_amount, _new_sample, _new_samples = (
-    build_unchecked_constructor(GasAmount),
-    build_unchecked_constructor(MountSample),
-    build_unchecked_constructor(FieldSamples),
-)
 
 
 class FieldsCore:

@@ -21,6 +21,10 @@ from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
 from gslcosim_services.fields.wall_images import WallImages
 
+# From so many readings of one instant on, sorting the filaments first costs less than a sum over all of them.
+MIN_READINGS_FOR_INDEX = 4
+MAX_PREFETCHED_FRAMES = 64
+
 
 @numba.njit(cache=True, nogil=True)
 def rows_in_single_precision(position_m, sigma_m):
@@ -32,10 +36,6 @@ def rows_in_single_precision(position_m, sigma_m):
         rows[i, 2] = position_m[i, 2]
         rows[i, 3] = sigma_m[i]
     return rows
-
-
-# From so many readings of one instant on, sorting the filaments first costs less than a sum over all of them.
-MIN_READINGS_FOR_INDEX = 4
 
 
 class FilamentSource(Protocol):
@@ -262,9 +262,6 @@ def round_to_single_precision(filaments: Filaments) -> Filaments:
         gas_index=filaments.gas_index,
         is_rounded=True,
     )
-
-
-MAX_PREFETCHED_FRAMES = 64
 
 
 class PrefetchedPlume:

@@ -12,6 +12,14 @@ from gslcosim.environment.model import Environment
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 
+NO_FILAMENTS = Filaments(
+    position_world_m=np.zeros((0, 3)),
+    sigma_m=np.zeros(0),
+    source_index=np.zeros(0, np.int32),
+    amount_mol=np.zeros(1),
+    gas_index=np.zeros(1, np.int32),
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Visibility:
@@ -84,15 +92,6 @@ class GasField(Protocol):
     def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the (m, 3) wind now, world frame [m/s], if the model has its own; otherwise the room's holds."""
         ...
-
-
-NO_FILAMENTS = Filaments(
-    position_world_m=np.zeros((0, 3)),
-    sigma_m=np.zeros(0),
-    source_index=np.zeros(0, np.int32),
-    amount_mol=np.zeros(1),
-    gas_index=np.zeros(1, np.int32),
-)
 
 
 def wind_m_s_at(

@@ -25,6 +25,8 @@ from gslcosim_services.fields.filament.plume import Filaments
 
 NORMALISATION = (2.0 * math.pi) ** 1.5
 
+CUTOFF_SIGMA = 5.0
+
 
 class WallCells(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
@@ -291,9 +293,6 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
                 if rest_m2 < 0.0:
                     continue
                 _add_row(mixing_ratio_ppm[i, j], column_ppm, rest_m2, k0, k1, gz, dz2)
-
-
-CUTOFF_SIGMA = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)

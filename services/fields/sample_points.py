@@ -20,6 +20,10 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.sensors import OnBoardSensorSpec, TdlasSensorSpec
 from gslcosim_services.fields.mixing_ratio import to_float3
 
+# Models with readings that are means along a beam. Midpoints so far apart at most sum a Gaussian of 0.1 m to nine
+# digits.
+BEAM_SPACING_M = 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
 class Mount:
@@ -100,11 +104,6 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
             k += 1 if dz > 0.0 else -1
             next_z += gap_z
     return distance * cell_m
-
-
-# Models with readings that are means along a beam. Midpoints so far apart at most sum a Gaussian of 0.1 m to nine
-# digits.
-BEAM_SPACING_M = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)

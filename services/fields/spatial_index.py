@@ -27,6 +27,10 @@ from gslcosim_services.fields.mixing_ratio import (
 
 EXP_MINUS_MIDDLE = math.exp(-6.25)
 
+BLOCK_M = 0.8
+# Larger rooms have larger blocks: a table of more would cost more than it saves.
+MAX_BLOCKS = 4_000_000
+
 
 class Blocks(NamedTuple):
     """Cubic blocks of space, and the index of each block's first filament.
@@ -264,11 +268,6 @@ def add_indexed_filaments_at_points_inplace(
                 else:
                     is_hidden = walls.is_opaque and not is_column_seen
                     _add_one_by_one(px, py, pz, rows, begin, end, largest_exponent, is_hidden, walls, row_ppm)
-
-
-BLOCK_M = 0.8
-# Larger rooms have larger blocks: a table of more would cost more than it saves.
-MAX_BLOCKS = 4_000_000
 
 
 class FilamentIndex:

@@ -37,6 +37,34 @@ MAP_SCALE_FRAC = 0.3
 MAP_MARGIN_FRAC = 0.09
 ROOM_MARGIN_FRAC = 0.02
 
+# More agents than this are counted, not named.
+MAX_NAMED = 3
+# The curves end a little after the cursor, so that their last points are seen.
+LOOK_AHEAD_S = 3.0
+# Number of cameras beside the run at once; more of them are tabs of one panel.
+MAX_CAMERAS_IN_A_ROW = 3
+MAX_GRID_COLUMNS = 4
+# A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
+MAX_CURVES_WITH_LEGEND = 4
+# Corners in which a legend covers least: gas comes late, responses of metal oxides fall then, distances begin large.
+_LEGEND_OF_GAS = rrb.Corner2D.LeftTop
+_LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
+_FALLING_UNIT = "ohm"
+# Models that people write in capital letters.
+_ACRONYMS = ("tgs", "pid", "tdlas")
+# Height of pictures of cameras over that of plots.
+CAMERA_WEIGHT = 1.6
+# The map shows one gas at its height, and nothing that would hide it.
+_NOT_ON_MAP = (
+    "+ /**",
+    f"- /{streams.FILAMENTS.root}",
+    f"- /{streams.SLICES.root}/**",
+    f"- /{streams.POINT_CLOUDS.root}/**",
+    f"- /{streams.BELIEF.root}/**",
+    "- /room/**",
+    "- /plots/**",
+)
+
 
 def fit_room_camera(environment: Environment) -> tuple[Vec3, Vec3]:
     """Return eye and target [m] of the nearest camera that has all corners of the room, walls included, in view.
@@ -93,10 +121,6 @@ def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np
 
 def _vec3(values: NDArray[np.float64]) -> Vec3:
     return (float(values[0]), float(values[1]), float(values[2]))
-
-
-# More agents than this are counted, not named.
-MAX_NAMED = 3
 
 
 def summary_text(
@@ -203,21 +227,6 @@ def _figures(result: AgentResult) -> str:
 
 def _point(position_m: tuple[float, float, float]) -> str:
     return f"({', '.join(f'{c:g}' for c in position_m)}) m"
-
-
-# The curves end a little after the cursor, so that their last points are seen.
-LOOK_AHEAD_S = 3.0
-# Number of cameras beside the run at once; more of them are tabs of one panel.
-MAX_CAMERAS_IN_A_ROW = 3
-MAX_GRID_COLUMNS = 4
-# A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
-MAX_CURVES_WITH_LEGEND = 4
-# Corners in which a legend covers least: gas comes late, responses of metal oxides fall then, distances begin large.
-_LEGEND_OF_GAS = rrb.Corner2D.LeftTop
-_LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
-_FALLING_UNIT = "ohm"
-# Models that people write in capital letters.
-_ACRONYMS = ("tgs", "pid", "tdlas")
 
 
 def build_note_views() -> rrb.Tabs:
@@ -369,20 +378,6 @@ def _plot(
         plot_legend=rrb.PlotLegend(corner, visible=1 < n_curves <= MAX_CURVES_WITH_LEGEND),
         axis_x=rrb.TimeAxis(view_range=so_far),
     )
-
-
-# Height of pictures of cameras over that of plots.
-CAMERA_WEIGHT = 1.6
-# The map shows one gas at its height, and nothing that would hide it.
-_NOT_ON_MAP = (
-    "+ /**",
-    f"- /{streams.FILAMENTS.root}",
-    f"- /{streams.SLICES.root}/**",
-    f"- /{streams.POINT_CLOUDS.root}/**",
-    f"- /{streams.BELIEF.root}/**",
-    "- /room/**",
-    "- /plots/**",
-)
 
 
 def default_blueprint(

@@ -33,6 +33,10 @@ _GATHER_S = 0.01
 _DESCRIPTOR_FOLDER = next((folder for folder in ("/proc/self/fd", "/dev/fd") if Path(folder).is_dir()), None)
 _DISABLE_REMEDY = "Or do without the recording: --set recording.enabled=false."
 
+APPLICATION_ID = "gslcosim"
+TICK_TIMELINE = "tick"
+TIME_TIMELINE = "sim_time"
+
 
 class PipedFile:
     """File behind a pipe: `entrance` is the path that the writer opens, fills and closes in place of the file.
@@ -142,11 +146,6 @@ def _error_text(error: OSError, path: Path, expected: str) -> str:
 
 def _format_size(n_bytes: int) -> str:
     return f"{n_bytes / 1e6:.3g} MB" if n_bytes >= 100_000 else f"{max(n_bytes / 1e3, 0.1):.3g} kB"
-
-
-APPLICATION_ID = "gslcosim"
-TICK_TIMELINE = "tick"
-TIME_TIMELINE = "sim_time"
 
 
 # Most entities have rows at the same ticks.

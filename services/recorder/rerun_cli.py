@@ -17,6 +17,14 @@ from gslcosim.base.processes import build_parent_death_prefix
 _WITHOUT_ANALYTICS = {"CI": "1"}
 _ANALYTICS_SWITCH = "FORCE_RERUN_ANALYTICS"
 
+TIMEOUT_S = 300.0
+# The program prints the number of files it verified; an empty file passes as "0 files".
+_VERIFIED = "1 file verified"
+# The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
+_END_MARK = b"RRF2FOOT"
+_END_BYTES = 12
+_DISK_FULL_TEXTS = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
+
 
 def rerun_program() -> Path:
     """Return the path of the program."""
@@ -70,15 +78,6 @@ def run_rerun(arguments: Sequence[str | Path], *, timeout_s: float) -> subproces
         ) from error
     except OSError as error:
         raise RecordingError(f"rerun: expected a program that starts, was {error}.") from error
-
-
-TIMEOUT_S = 300.0
-# The program prints the number of files it verified; an empty file passes as "0 files".
-_VERIFIED = "1 file verified"
-# The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
-_END_MARK = b"RRF2FOOT"
-_END_BYTES = 12
-_DISK_FULL_TEXTS = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
 
 
 def is_complete(path: Path) -> bool:

@@ -51,6 +51,9 @@ SCALE_GAP_FRAC = 0.12
 SCALE_WIDTH_FRAC = 0.035
 SCALE_LABEL_RISE_FRAC = 0.04
 
+WHITE: Rgb = (255, 255, 255)
+BLACK: Rgb = (35, 35, 38)
+
 
 def draw_room(file: RecordingFile, environment: Environment) -> None:
     """Draw floor, outline, obstacles and openings; ceiling and walls stay open to view."""
@@ -283,10 +286,6 @@ def _draw_opening(opening: Opening) -> rr.Boxes3D:
         labels=[label],
         show_labels=True,
     )
-
-
-WHITE: Rgb = (255, 255, 255)
-BLACK: Rgb = (35, 35, 38)
 
 
 def draw_shape(file: RecordingFile, entity: str, vehicle: Vehicle, color: Rgb) -> None:

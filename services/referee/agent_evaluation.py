@@ -29,12 +29,18 @@ Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declare
 # Depth to which a vehicle may sink into floors and walls on impact without leaving the room [m].
 CONTACT_PENETRATION_M = 0.05
 
-
 # Ends of an agent's run without success, in the order in which they count within a tick; see `find_failure`.
 FAILURES: tuple[Outcome | None, ...] = (None, "agent_failed", "collision", "out_of_bounds")
 
-
 _new_score = build_unchecked_constructor(AgentScore)
+
+_OUTCOME_TEXTS: dict[Outcome, str] = {
+    "time_limit": "has not found the source in time and stopped",
+    "collision": "has collided and stopped",
+    "agent_failed": "has failed",
+    "declared": "has declared a wrong place and stopped",
+    "out_of_bounds": "has left the room and stopped",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,15 +294,6 @@ class AgentEvaluation:
 
     def _event(self, kind: str, text: str) -> RefereeEvent:
         return RefereeEvent(agent=self.name, kind=kind, text=text)
-
-
-_OUTCOME_TEXTS: dict[Outcome, str] = {
-    "time_limit": "has not found the source in time and stopped",
-    "collision": "has collided and stopped",
-    "agent_failed": "has failed",
-    "declared": "has declared a wrong place and stopped",
-    "out_of_bounds": "has left the room and stopped",
-}
 
 
 @scalar_kernel

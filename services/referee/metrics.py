@@ -13,6 +13,8 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.scalar_kernels import norm3, scalar_kernel
 from gslcosim.contract.messages import Belief, BeliefScore
 
+Array = NDArray[np.float64]
+
 
 def distance_m(a_world_m: Vec3, b_world_m: Vec3) -> float:
     """Return the straight distance between two points [m]."""
@@ -110,9 +112,6 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
         for start, end, source in zip(start_world_m, end_world_m, source_world_m, strict=True)
     )
     return progress_m2 / to_source_m / path_length_m
-
-
-Array = NDArray[np.float64]
 
 
 def compute_belief_score(belief: Belief, sources_m: Sequence[Vec3], *, within_m: float) -> BeliefScore:

@@ -37,6 +37,8 @@ from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_UNIT
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
+FREE_MODE_NOTE = " Time does not wait for answers: they take effect when they come."
+
 
 def find_sensor_kind(scenario: Scenario, model: str) -> SensorKind:
     """Return a sensor model as it is in a scenario that may define gases of its own."""
@@ -123,9 +125,6 @@ def build_nominal_plume(scenario: Scenario) -> NominalPlume:
         diffusivity_m2_s=diffusivity_m2_s,
         wind_speed_m_s=math.hypot(*scenario.wind.inlet_velocity_m_s),
     )
-
-
-FREE_MODE_NOTE = " Time does not wait for answers: they take effect when they come."
 
 
 def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:

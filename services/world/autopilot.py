@@ -45,6 +45,9 @@ MAX_TURN_S = 20.0
 
 Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
 
+# An agent in free mode that has not answered may have missed the question [s].
+REQUEST_PERIOD_S = 30.0
+
 
 class FlightStateMachine:
     """State machine of one vehicle's phases. Methods return a notice for the agent where something goes wrong.
@@ -301,10 +304,6 @@ class FlightStateMachine:
         self.is_armed = False
         self.phase = "on_ground"
         self.hold_for(tick, self._vehicle.hold_s)
-
-
-# An agent in free mode that has not answered may have missed the question [s].
-REQUEST_PERIOD_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,16 @@ AT_REST: Vec3 = (0.0, 0.0, 0.0)
 # Fractions of a path's duration at which it is sampled.
 _CHECKED_FRACTIONS = np.linspace(0.1, 1.0, 10).tolist()
 
+# A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
+# that drives stops for that only beyond the other.
+MIN_TURN_RAD = 0.1
+MIN_STOP_TURN_RAD = 1.0
+# Time of a turn beyond its angle at full rate: speeding up, slowing down and settling [s].
+TURN_SETTLING_S = 1.2
+# Nearer than this it is there already [m].
+_GOAL_TOLERANCE_M = 0.02
+_STANDSTILL_SPEED_M_S = 0.01
+
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
@@ -167,17 +177,6 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
 def warm_up_leg_planning() -> None:
     """Plan an invented path once, so that no kernel is compiled or loaded while simulated time passes."""
     deviates_too_far(np.zeros((3, 6)), 1.0, np.zeros(3), np.ones(3), 1.0)
-
-
-# A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
-# that drives stops for that only beyond the other.
-MIN_TURN_RAD = 0.1
-MIN_STOP_TURN_RAD = 1.0
-# Time of a turn beyond its angle at full rate: speeding up, slowing down and settling [s].
-TURN_SETTLING_S = 1.2
-# Nearer than this it is there already [m].
-_GOAL_TOLERANCE_M = 0.02
-_STANDSTILL_SPEED_M_S = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,8 @@ REACH_ASIDE = 4.0
 # A filament crosses at most this fraction of a motor distance between two evaluations of the jet.
 MAX_MOVE = 0.25
 
+AIR_KG_M3 = 1.204
+
 
 @numba.njit(cache=True, nogil=True)
 def jet_speed_m_s(below, aside, outflow_m_s):
@@ -104,9 +106,6 @@ def blow_filaments_inplace(
                     break
                 position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2] = nx, ny, nz
                 left_s -= part_s
-
-
-AIR_KG_M3 = 1.204
 
 
 def outflow_m_s(vehicle: Vehicle) -> float:

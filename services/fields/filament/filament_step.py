@@ -39,6 +39,10 @@ OUTLET = 2
 # Distance of a traced point from the cell's faces, as a fraction of its edge, so that rounding cannot move it across.
 FACE_MARGIN = 1e-7
 
+_ONE = np.float32(1.0)
+_1, _2, _3, _4, _5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+NOT_FINITE = -1
+
 
 @numba.njit(cache=True, nogil=True)
 def cell_index(coordinate_m, origin_m, cell_m):
@@ -166,10 +170,6 @@ def is_step_in_free_air(occupancy, i0, j0, k0, i1, j1, k1):
                 if occupancy[i, j, k] != FREE_CELL:
                     return False
     return True
-
-
-_ONE = np.float32(1.0)
-_1, _2, _3, _4, _5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -390,9 +390,6 @@ def displace_filaments(position_m, wind_m_s, cell_m, work):
         reach_m = work[REACH + p]
         is_near = (abs(dx) < reach_m) & (abs(dy) < reach_m) & (abs(dz) < reach_m)
         work[FATE + p] = FREE if is_near | stays else BOUNDED
-
-
-NOT_FINITE = -1
 
 
 @numba.njit(cache=True, nogil=True)

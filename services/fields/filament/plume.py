@@ -28,6 +28,11 @@ _GADEN_3_GRAVITY_M_S2 = 9.8
 _GADEN_3_AIR_KG_M3 = 1.205
 _GADEN_3_VISCOSITY_PA_S = 19e-6
 
+WindAt = Callable[[float], NDArray[np.float32]]
+FIRST_CAPACITY = 1024
+# Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
+IDS_PER_SOURCE = 2**40
+
 
 @dataclass(frozen=True, kw_only=True)
 class Buoyancy:
@@ -152,13 +157,6 @@ def find_open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
         ahead, behind = np.roll(is_free, 1, axis), np.roll(is_free, -1, axis)
         is_free = is_free & ahead & behind
     return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
-
-
-WindAt = Callable[[float], NDArray[np.float32]]
-
-FIRST_CAPACITY = 1024
-# Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
-IDS_PER_SOURCE = 2**40
 
 
 @dataclass(frozen=True, kw_only=True)

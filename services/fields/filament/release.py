@@ -13,6 +13,8 @@ from gslcosim.base.quantities import Vec3
 # Filament number rate * t exists at t even when the product is rounded down by its last digit.
 _ROUNDING = 1e-9
 
+ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]
+
 
 class BirthSequence(Protocol):
     """A release under way, read in consecutive spans without gaps.
@@ -169,9 +171,6 @@ class _PiecewiseBirths:
             self.begin_s = self.end_s
             self.n_spans += 1
             self.end_s, self.rate = self.plan.span(self.n_spans, self.rng)
-
-
-ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]
 
 
 @dataclass(frozen=True, kw_only=True)

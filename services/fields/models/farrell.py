@@ -26,6 +26,14 @@ from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_bl
 from gslcosim_services.fields.mixing_ratio import Walls
 from gslcosim_services.fields.models.filament_gas import build_gas_model, build_point_turbulence, build_wall_images
 
+# The wind's own clock: its statistics depend neither on the gas's step nor on the tick.
+WIND_STEP_S = 0.01
+# Gusts beyond so many standard deviations do not occur in years; the stable step is chosen for them.
+_MAX_GUST_STD = 6.0
+# Nodes along each side, and frequencies, in the computation of the gain in the middle.
+_GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
+_LEAST_GAIN = 0.25
+
 
 @numba.njit(cache=True, nogil=True)
 def _interpolate_edge(values, i_component, a, b):
@@ -183,12 +191,6 @@ def wind_in_cells(wind_m_s, nx, ny):
     return result
 
 
-# The wind's own clock: its statistics depend neither on the gas's step nor on the tick.
-WIND_STEP_S = 0.01
-# Gusts beyond so many standard deviations do not occur in years; the stable step is chosen for them.
-_MAX_GUST_STD = 6.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class Gusts:
     """Gusts of the wind: a noisy oscillator of standard deviation, period and damping ratio."""
@@ -235,11 +237,6 @@ def stable_step_s(speed_m_s: float, viscosity_m2_s: float, dx_m: float, dy_m: fl
     """
     rate_per_s = speed_m_s * (1.0 / dx_m + 1.0 / dy_m) + 2.0 * viscosity_m2_s * (1.0 / dx_m**2 + 1.0 / dy_m**2)
     return 1.0 / rate_per_s if rate_per_s > 0.0 else math.inf
-
-
-# Nodes along each side, and frequencies, in the computation of the gain in the middle.
-_GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
-_LEAST_GAIN = 0.25
 
 
 def find_middle_gain(

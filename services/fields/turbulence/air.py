@@ -39,6 +39,12 @@ time.
 # Columns of the table at corners.
 AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT = 0, 1, 2, 3
 
+Walled = NDArray[np.bool_]
+"""(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
+_GROUND: Walled = np.array([[False, False], [False, False], [True, False]])
+# At most this fraction of the air beside an open side is beside its frame.
+_FRAME_SHARE = 0.1
+
 
 class AirNodes(NamedTuple):
     """Turbulence at the corners of cells, in the form for kernels.
@@ -198,13 +204,6 @@ def mean_speed_m_s(environment: Environment) -> float:
     """Return the mean speed of the wind over a room's air and the frames of its wind [m/s]."""
     velocity_m_s = np.asarray(environment.wind.velocity_m_s, np.float64)
     return float(np.linalg.norm(velocity_m_s, axis=-1)[:, environment.occupancy != Cell.SOLID].mean())
-
-
-Walled = NDArray[np.bool_]
-"""(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
-_GROUND: Walled = np.array([[False, False], [False, False], [True, False]])
-# At most this fraction of the air beside an open side is beside its frame.
-_FRAME_SHARE = 0.1
 
 
 def find_walls(room: EnvironmentGeometry) -> Walled:

@@ -30,6 +30,9 @@ N_FINE_OCTAVES = 3
 LIFE_PER_TIME_SCALE = 4.0
 """Life of the largest pattern over the Lagrangian time scale; velocity in a drifting pattern decorrelates within it."""
 
+_1, _2, _3, _4, _5, _6, _7, _8 = (np.uint64(i) for i in range(1, 9))
+_HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np.float32(0.0)
+
 
 def octave_shares(n: int) -> NDArray[np.float64]:
     """Return the fractions of n octaves in the energy of an inertial range, (size)^(2/3), of sum one."""
@@ -56,10 +59,6 @@ class EddyLayers(NamedTuple):
     drift_s: Any
     weight: Any
     spacing_m: Any
-
-
-_1, _2, _3, _4, _5, _6, _7, _8 = (np.uint64(i) for i in range(1, 9))
-_HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np.float32(0.0)
 
 
 @numba.njit(cache=True, nogil=True)
