@@ -16,7 +16,7 @@ from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, CameraImage, Quaternion
 from gslcosim.contract.participant import Episode, Inbox, Outbox
-from gslcosim.environment.model import Environment, Light
+from gslcosim.environment.model import Environment
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.models.sensors import CameraSensorSpec, ColourCameraSpec, DepthCameraSpec
@@ -91,7 +91,8 @@ class CamerasCore:
         due = [camera for camera in self._cameras if tick % camera.period_ticks == 0]
         if due:
             self._place(cast(BodyPoses, inbox[keys.BODIES]))
-            self._show_doors()
+            for box, i in self._doors:
+                self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
         return {keys.IMAGES: CameraFrames(tick=tick, frames=tuple(self._frame(camera, tick) for camera in due))}
 
     def close(self) -> None:
@@ -118,10 +119,6 @@ class CamerasCore:
             self._data.qpos[i : i + 7] = (*body.position_world_m, *body.quaternion_wxyz)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-
-    def _show_doors(self) -> None:
-        for box, i in self._doors:
-            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
 
     def _frame(self, camera: _Camera, tick: int) -> CameraFrame:
         opacity = self._model.geom_rgba[camera.own_geoms, 3].copy()
@@ -184,13 +181,9 @@ def _build_model(scenario: Scenario, environment: Environment) -> mujoco.MjModel
 
 def add_lamps(spec: mujoco.MjSpec, environment: Environment) -> None:
     """Add the lamps of a room to a scene, without shadows: as many as OpenGL has, evenly chosen."""
-    for light in _lamps(environment):
+    every = max(1, math.ceil(len(environment.lights) / MAX_LAMPS))
+    for light in environment.lights[::every]:
         spec.worldbody.add_light(name=f"lamp_{light.name}", pos=light.position_m, castshadow=False)
-
-
-def _lamps(environment: Environment) -> tuple[Light, ...]:
-    every = math.ceil(len(environment.lights) / MAX_LAMPS)
-    return environment.lights[::every] if every else ()
 
 
 def _rotate_sensor(sensor: CameraSensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:

@@ -76,12 +76,6 @@ class OffscreenRenderer:
         return rect
 
 
-# OpenGL's bindings keep the platform of their first import, even if it does not work.
-def _unload_opengl() -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
-        del sys.modules[name]
-
-
 # Drivers and their bindings fail in many ways: at import, at the first call, or by returning nothing.
 def _open_context(width_px: int, height_px: int) -> Any:
     reasons: list[str] = []
@@ -93,7 +87,9 @@ def _open_context(width_px: int, height_px: int) -> Any:
             reasons.append(f"{way}: {error}")
             if before is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
-                _unload_opengl()
+                # OpenGL's bindings keep the platform of their first import, even if it does not work.
+                for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
+                    del sys.modules[name]
             continue
         # MuJoCo takes the library of its OpenGL functions from here.
         os.environ["MUJOCO_GL"] = way

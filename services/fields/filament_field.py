@@ -201,7 +201,11 @@ class FilamentField:
                 it the last digits, depend on it. Absent: by `n_readings_per_step`.
         """
         is_indexed = self._uses_index if is_indexed is None else is_indexed
-        ppm = self._for_all_gases(self._sum_at(points_world_m, is_indexed=is_indexed))
+        ppm = self._sum_at(points_world_m, is_indexed=is_indexed)
+        # The last gases may have no source of filaments.
+        n_missing = len(self.gases) - ppm.shape[1]
+        if n_missing > 0:
+            ppm = np.pad(ppm, ((0, 0), (0, n_missing)))
         if self._turbulence is None or not ppm.any():
             return ppm
         return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), self.time_s)[:, None]
@@ -238,11 +242,6 @@ class FilamentField:
             return None
         wind_m_s = self._wind_at(self.time_s)
         return trilinear_wind_at_points(wind_m_s, self._grid.origin_m, self._grid.cell_m, check_points(points_world_m))
-
-    # The last gases may have no source of filaments.
-    def _for_all_gases(self, ppm: NDArray[np.float64]) -> NDArray[np.float64]:
-        n_missing = len(self.gases) - ppm.shape[1]
-        return ppm if n_missing <= 0 else np.pad(ppm, ((0, 0), (0, n_missing)))
 
 
 def round_to_single_precision(filaments: Filaments) -> Filaments:

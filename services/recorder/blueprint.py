@@ -341,17 +341,15 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
             )
     plots = []
     for unit, drawn in members.items():
-        models = dict.fromkeys(_shown_model(model) for model, _ in drawn)
+        models = dict.fromkeys(
+            model.upper() if model.startswith(_ACRONYMS) else model.replace("_", " ") for model, _ in drawn
+        )
         title = label_with_unit(f"Reading of {', '.join(models)}", unit)
         contents = [f"+ /{entity}" for _, entity in drawn]
         corner = _LEGEND_OF_FALLING if unit == _FALLING_UNIT else _LEGEND_OF_GAS
         n_curves = _has_one_color(len(drawn), agents)
         plots.append(_plot(streams.RESPONSE.root, title, n_curves, corner, contents=contents))
     return plots
-
-
-def _shown_model(model: str) -> str:
-    return model.upper() if model.startswith(_ACRONYMS) else model.replace("_", " ")
 
 
 def _shown_camera(sensor: SensorSpec) -> str:
@@ -414,7 +412,12 @@ def _run_page(
     has_notes: bool,
 ) -> rrb.Horizontal:
     # Behind tabs, so that each has room for some lines on a small screen.
-    logs = [_log_view(stream) for stream in streams.LOGS if stream is not streams.RADIO or scenario.channels]
+    columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
+    logs = [
+        rrb.TextLogView(origin=stream.entity, name=stream.title, columns=columns)
+        for stream in streams.LOGS
+        if stream is not streams.RADIO or scenario.channels
+    ]
     documents = [
         rrb.TextDocumentView(origin=stream.entity, name=stream.title) for stream in (streams.SUMMARY, streams.LEGEND)
     ]
@@ -439,11 +442,6 @@ def _run_page(
     shares = [*(CAMERA_WEIGHT for _ in cameras), *(1.0 for _ in plots)]
     right = rrb.Vertical(*cameras, *plots, row_shares=shares)
     return rrb.Horizontal(left, right, column_shares=[5, 2], name="Flight")
-
-
-def _log_view(stream: Stream) -> rrb.TextLogView:
-    columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
-    return rrb.TextLogView(origin=stream.entity, name=stream.title, columns=columns)
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Spatial3DView:

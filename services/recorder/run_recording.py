@@ -139,7 +139,8 @@ class RunRecording:
             self._bodies = bodies.bodies
             for body in bodies.bodies:
                 if body.contacts or body.agent in self._touching:
-                    self._note_contacts(tick, body)
+                    self._contacts[body.agent].add(tick, body)
+                    (self._touching.add if body.contacts else self._touching.discard)(body.agent)
         cloud = cast(FilamentCloud | None, inbox.get(keys.FILAMENTS))
         if cloud is not None:
             self._gas.add(tick, cloud)
@@ -148,7 +149,9 @@ class RunRecording:
             self._event_marks.add(tick, inbox)
         self._note_space(tick, inbox)
         self._note_commands(tick, inbox)
-        self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
+        traffic = cast(RadioTraffic | None, inbox.get(keys.RADIO))
+        for sent in traffic.transmissions if traffic else ():
+            self._radio.add(tick, (format_transmission(sent), "WARN" if sent.refusal else "INFO"))
         self._services.add(tick, inbox)
         self._note_events(tick, cast(Score | None, inbox.get(keys.SCORE)))
 
@@ -211,10 +214,6 @@ class RunRecording:
             agent.track.end_strip()
         self.send()
 
-    def _note_contacts(self, tick: int, body: BodyState) -> None:
-        self._contacts[body.agent].add(tick, body)
-        (self._touching.add if body.contacts else self._touching.discard)(body.agent)
-
     def _note_space(self, tick: int, inbox: Inbox) -> None:
         if not self._in_space:
             return
@@ -253,10 +252,6 @@ class RunRecording:
         self._file.lay_out(
             default_blueprint(self._scenario, self._environment, believers=believers, has_notes=has_notes)
         )
-
-    def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
-        for sent in traffic.transmissions if traffic else ():
-            self._radio.add(tick, (format_transmission(sent), "WARN" if sent.refusal else "INFO"))
 
     def _note_events(self, tick: int, score: Score | None) -> None:
         if score is None or not score.events:

@@ -8,7 +8,6 @@ from pathlib import Path
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.participant import Core, ParticipantSpec, Read
-from gslcosim.environment.model import Environment
 from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
@@ -71,13 +70,10 @@ class _PandasBlocker:
 def _build(setup: RunSetup) -> Core:
     from gslcosim_services.recorder.core import RecorderCore
 
-    return RecorderCore(setup.scenario, _load_meshes(setup), setup.run_dir.recording)
-
-
-# The meshes of imported geometry, which only the pictures need.
-def _load_meshes(setup: RunSetup) -> Environment:
+    # The meshes of imported geometry, which only the recording's room needs.
     has_meshes = (setup.environment_dir / MESHES_FILE).is_file()
-    return load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
+    environment = load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
+    return RecorderCore(setup.scenario, environment, setup.run_dir.recording)
 
 
 def _repair(recording: Path) -> None:

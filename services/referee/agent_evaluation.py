@@ -249,9 +249,8 @@ class AgentEvaluation:
         contacts = self._forbidden_contacts(body)
         is_new = bool(contacts) and not self._is_touching
         self._is_touching = bool(contacts)
-        return (
-            [self._event("contact", f"touches {', '.join(contacts)} while {_spell_out(body.phase)}")] if is_new else []
-        )
+        phase = body.phase.replace("_", " ")
+        return [self._event("contact", f"touches {', '.join(contacts)} while {phase}")] if is_new else []
 
     # On the ground and while leaving it or coming back the floor is no collision; in the air everything is.
     def _forbidden_contacts(self, body: BodyState) -> tuple[str, ...]:
@@ -337,7 +336,3 @@ def find_failure(
 def is_time_over(tick: int, tick_ns: int, limit_s: float) -> bool:
     """Return whether the simulated time at the end of a tick has reached a limit [s]."""
     return seconds_from_ticks(tick, tick_ns) >= limit_s
-
-
-def _spell_out(phase: str) -> str:
-    return phase.replace("_", " ")

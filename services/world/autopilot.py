@@ -510,7 +510,8 @@ class Autopilot:
             case DirectControl():
                 self._state_machine.follow_setpoint(tick, task.setpoint, self._hold_s(task.hold_s))
             case GoTo():
-                self.notice = self._state_machine.follow_legs(tick, self._legs_of(task))
+                legs = task.legs_with_hold(self._usual_hold_s, is_fixed=self._agent.vehicle.hold_rule == "fixed")
+                self.notice = self._state_machine.follow_legs(tick, legs)
             case _:
                 raise AssertionError(f"expected a task to begin, was {task}")
         self._goal_notice = self.notice
@@ -532,9 +533,6 @@ class Autopilot:
         return find_refusal_from_state(
             tick, task, self._path_follower, edges, rises_to_m=rises_to_m, avoids=self._avoids
         )
-
-    def _legs_of(self, task: GoTo) -> tuple[Leg, ...]:
-        return task.legs_with_hold(self._usual_hold_s, is_fixed=self._agent.vehicle.hold_rule == "fixed")
 
     @property
     def _usual_hold_s(self) -> float:

@@ -204,7 +204,9 @@ class RoverPlanner:
         return (path, False) if (u, v) == (0.0, 0.0) else self._prepared(path, motion, tick)
 
     def _prepared(self, path: Trajectory, motion: MotionState, tick: int) -> tuple[Trajectory, bool]:
-        direction_rad = _first_direction_rad(path)
+        # At the very start a path from rest has no direction yet.
+        velocity: NDArray[np.float64] = path.state_after(0.05 * path.duration_s)[1]
+        direction_rad = math.atan2(float(velocity[1]), float(velocity[0]))
         off_rad = abs(math.remainder(direction_rad - motion.yaw_rad, 2 * math.pi))
         is_standing = math.hypot(*motion.state[1]) < _STANDSTILL_SPEED_M_S
         if off_rad <= (MIN_TURN_RAD if is_standing else MIN_STOP_TURN_RAD):
@@ -229,9 +231,3 @@ def _on_ground(leg: Leg, height_m: float) -> Leg:
         velocity_world_m_s=(u, v, 0.0),
         acceleration_world_m_s2=(a, b, 0.0),
     )
-
-
-# At the very start a path from rest has no direction yet.
-def _first_direction_rad(path: Trajectory) -> float:
-    velocity: NDArray[np.float64] = path.state_after(0.05 * path.duration_s)[1]
-    return math.atan2(float(velocity[1]), float(velocity[0]))

@@ -76,7 +76,8 @@ def half_height_m(model: mujoco.MjModel, root: int) -> float:
     Args:
         root: Index of the vehicle's body in it.
     """
-    return max(_depth_m(model, i, root) for i in range(model.ngeom) if _find_root(model, i) == root)
+    geoms = [i for i in range(model.ngeom) if model.body_rootid[model.geom_bodyid[i]] == root]
+    return max(_depth_m(model, i, root) for i in geoms)
 
 
 # geom_aabb is centre and half size in the geom's frame.
@@ -86,10 +87,6 @@ def _depth_m(model: mujoco.MjModel, geom: int, root: int) -> float:
     if body != root:
         height_m += float(model.body_pos[body][2])
     return float(model.geom_aabb[geom][5]) - height_m
-
-
-def _find_root(model: mujoco.MjModel, geom: int) -> int:
-    return int(model.body_rootid[model.geom_bodyid[geom]])
 
 
 def _missing_parts(vehicle: Vehicle, model: mujoco.MjModel) -> Iterator[str]:

@@ -218,17 +218,13 @@ class AgentRows:
                 parts[sensor.name] = [(speed, itemgetter(0)), (bearing, itemgetter(slice(1, None)))]
             else:
                 vector = self.of(streams.APPARENT_WIND, sensor=sensor.name)
-                parts[sensor.name] = [(speed, _length), (vector, tuple)]
+                parts[sensor.name] = [(speed, lambda vector_m_s: math.hypot(*vector_m_s)), (vector, tuple)]
         for sensor, own in self.names.on_board_sensors:
             parts[sensor.name] = [
                 (self.of(stream, sensor=sensor.name), itemgetter(part))
                 for stream, part in zip(own, split_values(own), strict=True)
             ]
         return parts
-
-
-def _length(vector: Sequence[float]) -> float:
-    return math.hypot(*vector)
 
 
 def sum_over_height(belief: Belief) -> NDArray[np.float64]:
