@@ -22,11 +22,11 @@ from gslcosim.recordings.chunks import read_chunks
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder import stream_table as streams
+from gslcosim_services.recorder.agent_look import draw_agent, draw_belief_curves
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, title
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELINE, RecordingFile
-from gslcosim_services.recorder.rows.agents import AgentRows
 from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
@@ -231,10 +231,10 @@ def _draw(
     draw_map(file, environment, GasScale.of(scenario), scenario.slice_height_m)
     WindLayer(environment, scenario.slice_height_m).draw(file, streams.WIND_ARROWS.entity)
     for names in build_entities(scenario):
-        rows = AgentRows(names, list_gas_names(scenario), scenario.tick_ns)
-        rows.draw(file, label=f"{names.agent.name} ")
+        label = f"{names.agent.name} "
+        draw_agent(file, names, list_gas_names(scenario), label=label)
         if names.agent.name in believers:
-            rows.belief.draw(file, label=f"{names.agent.name} ")
+            draw_belief_curves(file, names, label=label)
         # What is drawn at all times wins over the colour of each row.
         for points in (streams.WAYPOINTS, streams.MARKS):
             file.draw(names.at(points), rr.Points3D.from_fields(colors=[names.color]))

@@ -16,7 +16,7 @@ from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, CameraImage, Quaternion
 from gslcosim.contract.participant import Episode, Inbox, Outbox
-from gslcosim.environment.model import Environment, Light
+from gslcosim.environment.model import Environment
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.models.sensors import CameraSensorSpec, ColourCameraSpec, DepthCameraSpec
@@ -30,17 +30,17 @@ FAR_M = 500.0
 MM_PER_M = 1000.0
 MAX_DEPTH_MM = 65535
 JPEG_QUALITY = 90
-# OpenGL shines with eight lamps at once, one of them the camera's own.
+# OpenGL has eight lamps at once, one of them the camera's own.
 MAX_LAMPS = 7
-# Columns: x, y, z of the axes that MuJoCo gives a camera (right, up, backward) and of the optical frame (right, down,
-# ahead), in those of the sensor (ahead, left, up).
+# Columns: axes of MuJoCo's camera (right, up, backward) and of the optical frame (right, down, ahead), in the axes of
+# the sensor (ahead, left, up).
 _SENSOR_FROM_MUJOCO = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _SENSOR_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Camera:
-    """One camera: which of the model's it is, when it takes pictures, and its own vehicle's geoms."""
+    """One camera: its index in the model, its period, and the geoms of its own vehicle."""
 
     agent: str
     spec: CameraSensorSpec
@@ -80,7 +80,7 @@ class CamerasCore:
         )
 
     def reset(self, episode: Episode) -> Outbox:
-        """Close and open the doors as at the start: else pictures depend on the poses only."""
+        """Close and open the doors as at the start; pictures depend on nothing else but the poses."""
         del episode
         self._room.reset()
         return {}
@@ -91,11 +91,12 @@ class CamerasCore:
         due = [camera for camera in self._cameras if tick % camera.period_ticks == 0]
         if due:
             self._place(cast(BodyPoses, inbox[keys.BODIES]))
-            self._show_doors()
+            for box, i in self._doors:
+                self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
         return {keys.IMAGES: CameraFrames(tick=tick, frames=tuple(self._frame(camera, tick) for camera in due))}
 
     def close(self) -> None:
-        """Give the driver's memory back."""
+        """Release the driver's memory."""
         self._view.close()
 
     def _camera(self, agent: AgentSpec, sensor: CameraSensorSpec, tick_ns: int) -> _Camera:
@@ -118,10 +119,6 @@ class CamerasCore:
             self._data.qpos[i : i + 7] = (*body.position_world_m, *body.quaternion_wxyz)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-
-    def _show_doors(self) -> None:
-        for box, i in self._doors:
-            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
 
     def _frame(self, camera: _Camera, tick: int) -> CameraFrame:
         opacity = self._model.geom_rgba[camera.own_geoms, 3].copy()
@@ -184,13 +181,9 @@ def _build_model(scenario: Scenario, environment: Environment) -> mujoco.MjModel
 
 def add_lamps(spec: mujoco.MjSpec, environment: Environment) -> None:
     """Add the lamps of a room to a scene, without shadows: as many as OpenGL has, evenly chosen."""
-    for light in _lamps(environment):
+    every = max(1, math.ceil(len(environment.lights) / MAX_LAMPS))
+    for light in environment.lights[::every]:
         spec.worldbody.add_light(name=f"lamp_{light.name}", pos=light.position_m, castshadow=False)
-
-
-def _lamps(environment: Environment) -> tuple[Light, ...]:
-    every = math.ceil(len(environment.lights) / MAX_LAMPS)
-    return environment.lights[::every] if every else ()
 
 
 def _rotate_sensor(sensor: CameraSensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:

@@ -1,7 +1,7 @@
 """Offscreen renderer of a MuJoCo scene: EGL where there is one, else OSMesa.
 
-`python -m gslcosim_services.cameras.offscreen_renderer` tells whether that works here, in a process of its own:
-exit code 0, or 1 with the reason.
+`python -m gslcosim_services.cameras.offscreen_renderer` tests this machine's driver in a process of its own: exit code
+0, or 1 with the reason.
 """
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 
@@ -29,7 +29,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
-        """Open a view."""
+        """Create an offscreen context."""
         self._model = model
         self._gl: Any = _open_context(width_px, height_px)
         self._gl.make_current()
@@ -61,7 +61,7 @@ class OffscreenRenderer:
         return near_m * far_m / (np.flipud(buffer).astype(np.float64) * (far_m - near_m) + near_m)
 
     def close(self) -> None:
-        """Give the driver's memory back."""
+        """Release the driver's memory."""
         self._gl.make_current()
         self._context.free()
         self._gl.free()
@@ -76,13 +76,7 @@ class OffscreenRenderer:
         return rect
 
 
-# OpenGL's bindings keep to the platform that they were first imported for, even where that does not work.
-def _unload_opengl() -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
-        del sys.modules[name]
-
-
-# Drivers and their bindings fail in many ways: at import, at the first call, or by answering nothing.
+# Drivers and their bindings fail in many ways: at import, at the first call, or by returning nothing.
 def _open_context(width_px: int, height_px: int) -> Any:
     reasons: list[str] = []
     for way in _BACKEND_PACKAGES:
@@ -93,9 +87,11 @@ def _open_context(width_px: int, height_px: int) -> Any:
             reasons.append(f"{way}: {error}")
             if before is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
-                _unload_opengl()
+                # OpenGL's bindings keep the platform of their first import, even if it does not work.
+                for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
+                    del sys.modules[name]
             continue
-        # MuJoCo's own part looks here for the library whose functions it is to call.
+        # MuJoCo takes the library of its OpenGL functions from here.
         os.environ["MUJOCO_GL"] = way
         return context
     raise ModelError(
@@ -105,7 +101,7 @@ def _open_context(width_px: int, height_px: int) -> Any:
 
 
 def main() -> None:
-    """Exit with 0 if something can be drawn here, with the reason otherwise."""
+    """Exit with 0 if this machine can draw, with the reason otherwise."""
     try:
         _open_context(_PROBE_PX, _PROBE_PX).free()
     except ModelError as error:

@@ -37,7 +37,7 @@ class EventsCore:
         self._held: set[int] = set()
 
     def reset(self, episode: Episode) -> Outbox:
-        """Know of the events with a time, and of no other; nothing is written once."""
+        """Schedule the events with a time, and no other; no message is written once."""
         del episode
         self._due, self._held = {}, set()
         for i, event in enumerate(self._events):
@@ -46,7 +46,7 @@ class EventsCore:
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
-        """Evaluate the conditions at the end of the tick, and announce what begins with the next one."""
+        """Evaluate the conditions at the end of the tick, and announce the events that begin with the next one."""
         for i, event in enumerate(self._events):
             if event.when is not None and self._begins_to_hold(i, event.when, tick, inbox):
                 self._add(i, tick + 1 + ticks_from_seconds(event.when.delay_s, self._tick_ns))
@@ -55,7 +55,7 @@ class EventsCore:
     def _add(self, i_event: int, due_tick: int) -> None:
         self._due.setdefault(due_tick, []).append(i_event)
 
-    # One that does not repeat holds for ever once it has held.
+    # A condition that does not repeat holds for ever once it has held.
     def _begins_to_hold(self, i_event: int, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
         has_held = i_event in self._held
         if has_held and not trigger.repeats:

@@ -7,7 +7,7 @@ from gslcosim.scenario import Scenario
 
 
 def events_spec(scenario: Scenario) -> ParticipantSpec:
-    """Return the dataflow of events: what their conditions are about in, and which of them begin out."""
+    """Return the dataflow of events: the subjects of their conditions in, the events that begin out."""
     triggers = [event.when for event in scenario.events if event.when is not None]
     bodies = (Read(port=keys.BODIES),) if any(each.within_m is not None for each in triggers) else ()
     samples = (Read(port=keys.SAMPLES),) if any(each.gas_above_ppm is not None for each in triggers) else ()

@@ -41,12 +41,21 @@ from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
 from gslcosim_services.fields.sample_points import Beams, MountPositions
 from gslcosim_services.fields.service import fields_spec
 
+# For the eye, 3 sigma are enough in a slice: beyond, a filament adds 1 % of its centre, at 2.5 times the cost.
+SLICE_CUTOFF_SIGMA = 3.0
+
+_new_amount, _new_sample, _new_samples = (
+    build_unchecked_constructor(GasAmount),
+    build_unchecked_constructor(MountSample),
+    build_unchecked_constructor(FieldSamples),
+)
+
 
 class GasEvents:
     """Changes of sources: opened, closed, changed or moved by events, and rates that participants set."""
 
     def __init__(self, scenario: Scenario, gas: GasField) -> None:
-        """Prepare for the events and participants of a scenario."""
+        """Read the events and participants of a scenario."""
         self._scenario = scenario
         events = [event for event in scenario.events if isinstance(event, SourceEventSpec)]
         self._plume = gas.source if isinstance(gas, FilamentField) else None
@@ -92,7 +101,7 @@ class GasEvents:
 
 
 def initially_closed_sources(scenario: Scenario) -> list[int]:
-    """Return the sources that are closed at first: those whose first start or stop in the list is a start."""
+    """Return the sources that are closed at first: their first start or stop in the list of events is a start."""
     firsts: dict[int, bool] = {}
     for event in scenario.events:
         if isinstance(event, SourceStartsSpec | SourceStopsSpec):
@@ -100,27 +109,17 @@ def initially_closed_sources(scenario: Scenario) -> list[int]:
     return [i for i, is_start in firsts.items() if is_start]
 
 
-# A recorded slice is looked at, not measured: beyond 3 sigma a filament adds 1 % of its centre, at 2.5 times the cost.
-SLICE_CUTOFF_SIGMA = 3.0
-
-_new_amount, _new_sample, _new_samples = (
-    build_unchecked_constructor(GasAmount),
-    build_unchecked_constructor(MountSample),
-    build_unchecked_constructor(FieldSamples),
-)
-
-
 class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
     Reads `truth/bodies` of the same tick, `truth/wind` of the last one where a service drives the wind,
     `truth/sources/<index>` of the last one where a participant sets the rate of a source, and `truth/events` of the
-    last one where sources or the wind have events. Writes
-    `truth/samples` every tick, with `truth/probes` where the scenario has probes, and `truth/filaments` at tick 0 and
-    every `recording.gas_every_s`. Readings see filaments with a cut-off at 5 sigma (3 with `compatibility: gaden_3`)
-    and along free lines of sight; slices are cut off at 3 sigma and do not look for walls.
+    last one where sources or the wind have events. Writes `truth/samples` every tick, with `truth/probes` where the
+    scenario has probes, and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments with
+    a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at 3 sigma
+    and pass through walls.
 
-    `gas` is the gas as it is now, `gases` are its names in the order of the columns of `compute_gas_ppm`.
+    `gas` is the present gas, `gases` are its names in the order of the columns of `compute_gas_ppm`.
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
     """
@@ -160,7 +159,7 @@ class FieldsCore:
         return self._wind_at(points_world_m, tick)
 
     def reset(self, episode: Episode) -> Outbox:
-        """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
+        """Start again with a plume of the age `gas.warm_up_s`; no message is written once."""
         if self._wind is not None:
             self._wind.reset()
         self._beams.close_doors(AT_START)
@@ -185,7 +184,7 @@ class FieldsCore:
         return outbox
 
     def prefetch(self) -> bool:
-        """Move the gas while nothing else can be done; see `SupportsPrefetch`."""
+        """Advance the gas while the core waits; see `SupportsPrefetch`."""
         return self._gas_ahead is not None and self._gas_ahead.prefetch()
 
     def _close_doors(self, closed: Closed) -> None:
@@ -222,7 +221,7 @@ class FieldsCore:
         ]
         return _new_samples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
 
-    # Apart from the mounts, whose sums, to the last digit, do not depend on how many probes there are.
+    # Apart from the mounts, so that their sums do not depend, even in the last digit, on the number of probes.
     def _probe_samples(self, tick: int) -> ProbeSamples:
         gas_ppm = self.compute_gas_ppm(self._probes_m)
         wind_m_s = self._wind_at(self._probes_m, tick)
@@ -240,7 +239,7 @@ class FieldsCore:
         )
         return ProbeSamples(tick=tick, samples=tuple(samples))
 
-    # An instrument with a beam sees the mean along it instead of the gas at its mount.
+    # An instrument with a beam measures the mean along it instead of the gas at its mount.
     def _with_beams(self, samples: list[MountSample], bodies: BodyPoses) -> list[MountSample]:
         beams = self._beams.points_of(bodies)
         return [self._with_beam(s, *beams[s.agent, s.sensor]) if (s.agent, s.sensor) in beams else s for s in samples]

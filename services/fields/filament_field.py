@@ -21,6 +21,10 @@ from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
 from gslcosim_services.fields.wall_images import WallImages
 
+# From so many readings of one instant on, sorting the filaments first costs less than a sum over all of them.
+MIN_READINGS_FOR_INDEX = 4
+MAX_PREFETCHED_FRAMES = 64
+
 
 @numba.njit(cache=True, nogil=True)
 def rows_in_single_precision(position_m, sigma_m):
@@ -32,10 +36,6 @@ def rows_in_single_precision(position_m, sigma_m):
         rows[i, 2] = position_m[i, 2]
         rows[i, 3] = sigma_m[i]
     return rows
-
-
-# From so many readings of one instant on, sorting the filaments first costs less than looking at all of them.
-MIN_READINGS_FOR_INDEX = 4
 
 
 class FilamentSource(Protocol):
@@ -61,7 +61,7 @@ class FilamentSource(Protocol):
         ...
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
+        """Advance by steps."""
         ...
 
     def blow(self, jets: Jets) -> None:
@@ -80,7 +80,7 @@ class SupportsPrefetch(Protocol):
 
 @runtime_checkable
 class SupportsDoors(Protocol):
-    """Source that supports other doors being closed."""
+    """Source with doors that close and open."""
 
     def close_doors(self, closed: Closed) -> None:
         """Let these doors of the room be closed and all others open."""
@@ -90,8 +90,8 @@ class SupportsDoors(Protocol):
 class FilamentField:
     """Gas field read from filaments; see `GasField`.
 
-    What is read are the filaments in single precision (a micrometre in a room): then a tape can hold them exactly,
-    and a run from tape equals a live one to the bit. The moving filaments keep double precision.
+    Readings see the filaments in single precision (a micrometre in a room): a tape holds them exactly, and a run from
+    tape equals a live one to the bit. The moving filaments keep double precision.
     """
 
     def __init__(
@@ -107,15 +107,15 @@ class FilamentField:
         images: Mapping[Closed, WallImages] | None = None,
         turbulence: PointTurbulence | None = None,
     ) -> None:
-        """Look at filaments.
+        """Build the field.
 
         Args:
             grid: The room's; filaments are sorted by place in it.
-            sight: What is seen of them.
-            n_readings_per_step: How many readings a step will be asked for; few do without sorting.
+            sight: Visibility of the filaments.
+            n_readings_per_step: Number of readings in a step; few are summed without sorting.
             wind_at: The model's own wind at a time [s], (nx, ny, n, 3) at cell centres, n = 1 when it is the same at
                 all heights; absent: the room's.
-            later_sights: What is seen with certain doors closed, by their names.
+            later_sights: Visibility with certain doors closed, by their names.
             images: Walls that reflect gas, with certain doors closed; absent: they cut filaments off.
             turbulence: Turbulence in readings of gas and wind; absent: none.
         """
@@ -136,7 +136,7 @@ class FilamentField:
 
     @property
     def is_live(self) -> bool:
-        """True where each step is computed, at any step from the first, whatever happens in the run."""
+        """True if the source computes later steps ahead: they are independent of the run."""
         return self._goes_ahead is not None
 
     @property
@@ -176,7 +176,7 @@ class FilamentField:
         self._seen = None
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
+        """Advance by steps."""
         if n_steps > 0:
             self.source.advance(n_steps)
             self._seen = None
@@ -197,11 +197,15 @@ class FilamentField:
 
         Args:
             points_world_m: (m, 3) points, world frame [m].
-            is_indexed: Whether filaments are sorted by place first, which pays for many points; the order of sums, and
-                with it the last digits, depend on it. Absent: as `n_readings_per_step` says.
+            is_indexed: True to sort filaments by place first, which pays for many points; the order of sums, and with
+                it the last digits, depend on it. Absent: by `n_readings_per_step`.
         """
         is_indexed = self._uses_index if is_indexed is None else is_indexed
-        ppm = self._for_all_gases(self._sum_at(points_world_m, is_indexed=is_indexed))
+        ppm = self._sum_at(points_world_m, is_indexed=is_indexed)
+        # The last gases may have no source of filaments.
+        n_missing = len(self.gases) - ppm.shape[1]
+        if n_missing > 0:
+            ppm = np.pad(ppm, ((0, 0), (0, n_missing)))
         if self._turbulence is None or not ppm.any():
             return ppm
         return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), self.time_s)[:, None]
@@ -239,11 +243,6 @@ class FilamentField:
         wind_m_s = self._wind_at(self.time_s)
         return trilinear_wind_at_points(wind_m_s, self._grid.origin_m, self._grid.cell_m, check_points(points_world_m))
 
-    # The last gases may have no source of filaments.
-    def _for_all_gases(self, ppm: NDArray[np.float64]) -> NDArray[np.float64]:
-        n_missing = len(self.gases) - ppm.shape[1]
-        return ppm if n_missing <= 0 else np.pad(ppm, ((0, 0), (0, n_missing)))
-
 
 def round_to_single_precision(filaments: Filaments) -> Filaments:
     """Return a copy of filaments with places and sizes in single precision.
@@ -264,34 +263,31 @@ def round_to_single_precision(filaments: Filaments) -> Filaments:
     )
 
 
-MAX_PREFETCHED_FRAMES = 64
-
-
 class PrefetchedPlume:
     """Live plume with prefetched frames of its future; see `FilamentSource`.
 
-    `prefetch` moves the plume and keeps what will be seen; `advance` then only takes the next frame. What is seen is
-    the same to the bit, whenever and however often `prefetch` is called. An error of the plume is kept as a frame too,
-    so that it is raised at the step in which it happens.
+    `prefetch` moves the plume and keeps its frames; `advance` then only takes the next one. The frames are the same to
+    the bit, whenever and however often `prefetch` is called. An error of the plume is kept as a frame too, so that it
+    is raised at its own step.
 
     Args:
-        plume: What moves. Its wind must not depend on what happens in the run.
+        plume: The live plume. Its wind must not depend on the events of a run.
         step_s: Length of its steps [s].
-        steps_per_frame: Frames are kept that many steps apart: a reader advances by as many.
+        steps_per_frame: Steps between frames: a reader advances by as many.
     """
 
     def __init__(self, plume: FilamentPlume, *, step_s: float, steps_per_frame: int) -> None:
         self._plume = plume
         self._step_s = step_s
         self._steps_per_frame = steps_per_frame
-        # The frame of now; none while the plume itself stands there.
+        # The present frame; none while the plume itself is at it.
         self._now: Filaments | None = None
         self._step = plume.step
         self._frames: deque[Filaments | ModelError] = deque()
 
     @property
     def step(self) -> int:
-        """Number of steps made, as far as readers know."""
+        """Number of steps that readers have made."""
         return self._step
 
     @property
@@ -311,7 +307,7 @@ class PrefetchedPlume:
         self._frames.clear()
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
+        """Advance by steps."""
         while n_steps > 0 and self._frames:
             if n_steps < self._steps_per_frame:
                 raise ModelError(f"gas: expected to advance by {self._steps_per_frame} steps, was {n_steps}.")

@@ -23,8 +23,8 @@ def build_gas_field(
     """Build the gas of a scenario in its room, whatever its model; it stands at time 0 with the scenario's seed.
 
     Args:
-        sight: What is seen of filaments; absent: what the room's walls leave, up to the model's own cut-off.
-        n_readings_per_step: How many readings a step will be asked for.
+        sight: Visibility of filaments; absent: hidden by the room's walls, up to the model's own cut-off.
+        n_readings_per_step: Number of readings in a step.
         wind_at: The wind at a time [s] in place of the room's, where a service changes it.
     """
     setup = GasSetup(

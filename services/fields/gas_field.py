@@ -12,12 +12,20 @@ from gslcosim.environment.model import Environment
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 
+NO_FILAMENTS = Filaments(
+    position_world_m=np.zeros((0, 3)),
+    sigma_m=np.zeros(0),
+    source_index=np.zeros(0, np.int32),
+    amount_mol=np.zeros(1),
+    gas_index=np.zeros(1, np.int32),
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Visibility:
     """Visibility of filaments to readings: hidden by `walls` (absent: through them), and up to `cutoff_sigma` away.
 
-    Models without filaments have no use for it.
+    Models without filaments ignore it.
     """
 
     walls: Walls | None = None
@@ -47,7 +55,7 @@ class PointGrid:
 class GasField(Protocol):
     """Gas in a room over time. Time 0 is when the sources open; a step has the length of `gas.step_s`.
 
-    Everything follows from the seed; asking changes nothing.
+    Everything follows from the seed; queries change nothing.
     """
 
     @property
@@ -70,7 +78,7 @@ class GasField(Protocol):
         ...
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
+        """Advance by steps."""
         ...
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,21 +86,12 @@ class GasField(Protocol):
         ...
 
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
-        """Return the (nx, ny, nz) mixing ratio of one gas [ppm by volume] now; filaments are seen through walls."""
+        """Return the (nx, ny, nz) mixing ratio of one gas [ppm by volume] now; walls hide no filaments."""
         ...
 
     def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the (m, 3) wind now, world frame [m/s], if the model has its own; otherwise the room's holds."""
         ...
-
-
-NO_FILAMENTS = Filaments(
-    position_world_m=np.zeros((0, 3)),
-    sigma_m=np.zeros(0),
-    source_index=np.zeros(0, np.int32),
-    amount_mol=np.zeros(1),
-    gas_index=np.zeros(1, np.int32),
-)
 
 
 def wind_m_s_at(
@@ -101,7 +100,7 @@ def wind_m_s_at(
     """Return the wind at points: that of the gas's own model if it has one, otherwise that of the room.
 
     Args:
-        gas: It stands at the time that is asked for.
+        gas: Gas at `time_s`.
         points_world_m: (n, 3) points, world frame [m].
         time_s: Time since the sources opened [s].
 

@@ -67,9 +67,9 @@ class GasSetup:
     """Inputs of a builder of a gas field besides its block.
 
     Attributes:
-        scenario: All that the scenario says.
+        scenario: The whole scenario.
         environment: The room, with its wind.
-        sight: What is seen of filaments; absent: what the room's walls leave, up to the model's own cut-off.
+        sight: Visibility of filaments; absent: hidden by the room's walls, up to the model's own cut-off.
         n_readings_per_step: How many readings a step will be asked for.
         wind_at: The wind at a time [s] in place of the room's, where a service changes it; see `FilamentPlume`.
     """
@@ -95,10 +95,10 @@ class GasSetup:
 def build_gas_field_from_block(block: GasSpec, setup: GasSetup) -> GasField:
     """Return the gas field of a gas model's block; it stands at time 0 with `setup.seed`.
 
-    Each model registers its builder by the type of its block, and so does a package that brings one.
+    Each model, also one of another package, registers its builder by the type of its block.
 
     Raises:
-        ScenarioError: nobody has registered a builder for the block, or the builder refuses it.
+        ScenarioError: no builder is registered for the block, or the builder refuses it.
     """
     del setup
     raise ScenarioError(
@@ -118,7 +118,7 @@ def list_gas_names(gas: GasSpec) -> tuple[str, ...]:
 
 
 def mean_release_m3_s(source: SourceSpec, *, place: str = "release") -> float:
-    """Return how much pure gas a source releases in the mean over long times [m3/s], at 298 K and 1 atm.
+    """Return the mean release of pure gas of a source over long times [m3/s], at 298 K and 1 atm.
 
     Q = rate N / n_air
     [m3/s] = [1/s] [mol] / [mol/m3]

@@ -25,11 +25,13 @@ from gslcosim_services.fields.filament.plume import Filaments
 
 NORMALISATION = (2.0 * math.pi) ** 1.5
 
+CUTOFF_SIGMA = 5.0
+
 
 class WallCells(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
 
-    `is_opaque` says whether gas is hidden at all; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
+    `is_opaque` is false where no wall hides gas; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
     (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `build_solid_sums`); `origin_m` (3,)
     corner of cell (0, 0, 0), world frame [m]; `cell_m` edge of the cubic cells [m].
     """
@@ -143,16 +145,16 @@ def filament_contribution_ppm(strength_ppm_m3, sigma_m, distance2_m2):
 def add_adjusted_filaments_inplace(
     points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, adjust_share, surroundings
 ):
-    """Add to each point what every filament contributes, each share adjusted for what is around; see the callers.
+    """Add to each point the contribution of every filament, adjusted for its surroundings; see the callers.
 
-    It is set into its callers when they are compiled: to hand the tuples on costs several times the sum.
+    It is inlined into its callers at compilation: passing the tuples on costs several times the sum.
 
     Args:
         filaments: `FilamentArrays`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
-        adjust_share: Compiled function of a share [ppm], `surroundings`, the point, the filament's centre and its
-            standard deviation; it returns the share that counts.
-        surroundings: What it looks at.
+        adjust_share: Compiled function of a contribution [ppm], `surroundings`, the point, the filament's centre and
+            its standard deviation; it returns the adjusted contribution.
+        surroundings: Data for `adjust_share`.
 
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py, tests/unit/services/fields/test_wall_images.py
@@ -181,7 +183,7 @@ def _keep_share(share, surroundings, x, y, z, fx, fy, fz, s):
 
 @numba.njit(cache=True, nogil=True)
 def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
-    """Add to each point what every filament contributes to its mixing ratio.
+    """Add to each point the contribution of every filament to its mixing ratio.
 
     X = sum of S / ((2 pi)^(3/2) s^3) exp(-d^2 / (2 s^2))   over filaments with d <= cutoff s that are in sight
     [ppm] = [ppm m3] / [m3]; the exponent is dimensionless. The integral over all space is S (up to the cut-off).
@@ -239,7 +241,7 @@ def _add_row(row_ppm, ppm, rest_m2, first, last, gaussian, offset2_m2):
 
 @numba.njit(cache=True, nogil=True)
 def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, spacing_m, mixing_ratio_ppm):
-    """Add to a regular grid of points what every filament of one gas contributes, filament by filament.
+    """Add to a regular grid of points the contribution of every filament of one gas, filament by filament.
 
     The same sum as `add_filaments_at_points_inplace` without walls. A filament's Gaussian is the product of three,
     one per axis, so its cost is that of the points within its cut-off and a product each.
@@ -291,9 +293,6 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
                 if rest_m2 < 0.0:
                     continue
                 _add_row(mixing_ratio_ppm[i, j], column_ppm, rest_m2, k0, k1, gz, dz2)
-
-
-CUTOFF_SIGMA = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -380,7 +379,7 @@ def mixing_ratio_ppm_at(
 
     Args:
         filaments: What to sum.
-        walls: Hide the gas behind walls; absent: gas passes walls in the reading.
+        walls: Walls that hide the gas behind them; absent: gas passes walls in the reading.
 
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].

@@ -20,6 +20,10 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.sensors import OnBoardSensorSpec, TdlasSensorSpec
 from gslcosim_services.fields.mixing_ratio import to_float3
 
+# Models with readings that are means along a beam. Midpoints so far apart at most sum a Gaussian of 0.1 m to nine
+# digits.
+BEAM_SPACING_M = 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
 class Mount:
@@ -102,11 +106,6 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
     return distance * cell_m
 
 
-# Models whose readings are means along a beam.
-# Midpoints so far apart at most sum a Gaussian of 0.1 m to nine digits.
-BEAM_SPACING_M = 0.1
-
-
 @dataclass(frozen=True, kw_only=True)
 class Beam:
     """One instrument's beam: from its mount in the direction `beam_body`, as far as `max_range_m` at most."""
@@ -145,7 +144,7 @@ class Beams:
         return len(self._beams)
 
     def close_doors(self, closed: Closed) -> None:
-        """Let these doors of the room be closed and all others open; or all as at the start."""
+        """Close these doors of the room and open all others; None sets the doors of the start."""
         self._occupancy = self._rooms.get(closed, self._rooms[AT_START])
 
     def points_of(self, bodies: BodyPoses) -> dict[tuple[str, str], tuple[float, NDArray[np.float64]]]:

@@ -27,14 +27,18 @@ from gslcosim_services.fields.mixing_ratio import (
 
 EXP_MINUS_MIDDLE = math.exp(-6.25)
 
+BLOCK_M = 0.8
+# Larger rooms have larger blocks: a table of more would cost more than it saves.
+MAX_BLOCKS = 4_000_000
+
 
 class Blocks(NamedTuple):
-    """Cubic blocks of space and where their filaments begin.
+    """Cubic blocks of space, and the index of each block's first filament.
 
     Block (i, j, k) has the number (i n_y + j) n_z + k, so the blocks of a vertical column follow one another.
-    `origin_m` (3,) corner of block (0, 0, 0), world frame [m], what lies outside counts to the border's blocks;
-    `block_m` edge [m]; `n_blocks` (3,) number along x, y, z; `first` (n_x n_y n_z + 1,) int32 where each block's
-    filaments begin; `largest_sigma_m` (n_x n_y,) largest standard deviation in each column [m].
+    `origin_m` (3,) corner of block (0, 0, 0), world frame [m], points outside count to the border's blocks; `block_m`
+    edge [m]; `n_blocks` (3,) number along x, y, z; `first` (n_x n_y n_z + 1,) int32 index of each block's first
+    filament; `largest_sigma_m` (n_x n_y,) largest standard deviation in each column [m].
     """
 
     origin_m: Any
@@ -68,7 +72,7 @@ def _block(coordinate_m, origin_m, block_m, n):
 
 @numba.njit(cache=True, nogil=True)
 def sort_into_blocks_inplace(filaments, blocks, rows):
-    """Sort filaments by block (counting sort, stable) and prepare what a reading needs of each.
+    """Sort filaments by block (counting sort, stable) and compute each one's terms for a reading.
 
     Args:
         filaments: `FilamentTable`.
@@ -208,8 +212,8 @@ def add_indexed_filaments_at_points_inplace(
 ):
     """Add to each point what the filaments around it contribute; the same sum as without the index.
 
-    Only columns of blocks within the cut-off of their own largest filament are looked at. The order of the sum
-    differs from `add_filaments_at_points_inplace`, so results agree to rounding only.
+    Only columns of blocks within the cut-off of their own largest filament are searched. The order of the sum differs
+    from `add_filaments_at_points_inplace`, so results agree to rounding only.
 
     Args:
         points_world_m: (m, 3) points, world frame, xyz [m].
@@ -241,7 +245,7 @@ def add_indexed_filaments_at_points_inplace(
             for j in range(j0, j1 + 1):
                 column = i * n_y + j
                 column_reach_m = cutoff_sigma * largest_sigma_m[column]
-                # What lies outside the index's box is in its border's blocks: their distance says nothing.
+                # Points outside the index's box are in its border's blocks: the distance of those is no bound.
                 is_border = i == 0 or i == n_x - 1 or j == 0 or j == n_y - 1
                 gap2_m2 = 0.0 if is_border else gap_x2 + _gap2_m2(py, origin_m[1], block_m, j)
                 rest_m2 = column_reach_m * column_reach_m - gap2_m2
@@ -266,13 +270,8 @@ def add_indexed_filaments_at_points_inplace(
                     _add_one_by_one(px, py, pz, rows, begin, end, largest_exponent, is_hidden, walls, row_ppm)
 
 
-BLOCK_M = 0.8
-# Larger rooms have larger blocks: a table of more would cost more than it saves.
-MAX_BLOCKS = 4_000_000
-
-
 class FilamentIndex:
-    """Sorts filaments into blocks of space; a reading then costs what its neighbourhood holds.
+    """Sorts filaments into blocks of space; the cost of a reading is then that of its neighbourhood.
 
     Building costs about as much as three readings without it, so it pays from four readings of one instant on.
     Filaments outside the box count to its border: the box is a matter of speed, not of the result.

@@ -1,11 +1,11 @@
 """Gas tape: the filaments of a whole run, computed once, memory-mapped and shared by all runs with the same gas.
 
-A tape is a folder in the cache, named by a hash of all that decides the gas, so it is never stale:
+A tape is a folder in the cache, named by a hash of all that determines the gas, so it is never stale:
 
     head.json       format, number of frames, of filaments in all and of sources
     first.npy       (n_frames + 1,) int64: frame k holds the filaments first[k] to first[k + 1] - 1
     filaments.npy   (n, 4) float32: x, y, z and sigma, world frame [m]
-    sources.npy     (n,) uint8: which source of the scenario released it; only with several sources
+    sources.npy     (n,) uint8: index of the source that released it; only with several sources
     checksums.json  hashes of these files, signed with the key of the cache; see `gslcosim.base.checksums`
 
 That is 16 or 17 bytes for each filament and tick. Arrays are numpy's own format, C order, little-endian.
@@ -43,7 +43,7 @@ from gslcosim_services.fields.gas_setup import gas_timing
 TAPE_FORMAT = "gslcosim/gas_tape/1"
 MAX_SOURCES = 256
 _HEAD, _FIRST, _FILAMENTS, _SOURCES = "head.json", "first.npy", "filaments.npy", "sources.npy"
-# A tape depends on the scenario's gas, except for these: whether it is on tape, and the seed, which is said apart.
+# A tape depends on all settings of the scenario's gas but these; the seed enters the hash by itself.
 _IRRELEVANT_SETTINGS = {"tape", "seed"}
 _SOURCE_FILES = (
     *(f"gslcosim_services/fields/{name}" for name in (
@@ -77,7 +77,7 @@ class TapeSchedule:
         )
 
     def frame_at(self, step: int) -> int:
-        """Return which frame holds at a step; past the end the last one stays (a run is over then)."""
+        """Return the number of the frame at a step; past the end the last one stays (a run is over then)."""
         frame, rest = divmod(step - self.first_step, self.stride)
         if rest or frame < 0:
             raise ModelError(
@@ -100,10 +100,10 @@ class GasTape:
         """Open a tape.
 
         Args:
-            is_new: Whether this process has just recorded it: then its content is not compared with its checksums.
+            is_new: True if this process has just recorded it: then its content is not compared with its checksums.
         """
         try:
-            # Compiled code reads it, and trusts the places in it.
+            # Compiled code reads it, and does not check the positions in it.
             if not (is_new or check_files(folder, _HEAD, _FIRST, _FILAMENTS, _SOURCES)):
                 raise ValueError("not signed with the key of this cache")
             head = read_json(folder / _HEAD, _TapeHead)
@@ -148,13 +148,13 @@ class GasTape:
 
 
 def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> None:
-    """Advance a plume, which stands at time 0, and keep what a run will look at.
+    """Advance a plume from time 0 and record the frames that a run reads.
 
     Several processes may record the same tape at the same time: the first to finish keeps its folder.
 
     Args:
-        schedule: At which steps.
-        folder: Where; its parents are made.
+        schedule: Steps of the frames.
+        folder: Folder of the tape; its parents are made.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
@@ -173,7 +173,7 @@ class CachedPlume:
     """Plume cached on tape, recorded first where there is none yet; see `FilamentSource`."""
 
     def __init__(self, plume_of: Callable[[int], FilamentPlume], scenario: Scenario, environment: Environment) -> None:
-        """Prepare to play.
+        """Prepare the playback.
 
         Args:
             plume_of: Builds the live plume of a seed, at time 0.
@@ -241,7 +241,7 @@ class CachedPlume:
         self._step += n_steps
 
     def blow(self, jets: Jets) -> None:
-        """Refuse to move what is on tape."""
+        """Raise an error: filaments on tape cannot be moved."""
         del jets
         raise ModelError("gas tape: expected gas that no vehicle moves, was to be blown away.")
 
@@ -260,7 +260,7 @@ class CachedPlume:
 
 
 def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
-    """Return 32 hexadecimal digits of all that decides what a tape holds, the code and the processor included."""
+    """Return 32 hexadecimal digits of all that determines a tape's content, the code and the processor included."""
     recipe: dict[str, Any] = {
         "format": TAPE_FORMAT,
         "gas": scenario.gas.model_dump(mode="json", exclude=_IRRELEVANT_SETTINGS),
@@ -298,7 +298,7 @@ def _record(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> None:
     (folder / _HEAD).write_text(json.dumps(head) + "\n", encoding="utf-8")
 
 
-# The head of an array says its length, which is known only at the end.
+# The head of an array holds its length, which is known only at the end.
 def _convert_to_array(raw: Path, path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> None:
     head = {"descr": dtype.str, "fortran_order": False, "shape": shape}
     with path.open("wb") as file, raw.open("rb") as content:
@@ -309,5 +309,5 @@ def _convert_to_array(raw: Path, path: Path, dtype: np.dtype, shape: tuple[int, 
 def _map_array(path: Path) -> NDArray[Any]:
     if path.stat().st_size < 256 and not len(array := np.load(path, allow_pickle=False)):
         return array
-    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
+    # A plain view: compiled kernels have a fast path for arrays, and a slow one for memmap objects.
     return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))

@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""Images of filaments at walls: what a wall cuts off a Gaussian comes back into the room."""
+"""Images of filaments at walls: the part of a Gaussian behind a wall is reflected into the room."""
 
 import math
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ NO_WALL = 255
 
 @numba.njit(cache=True, nogil=True)
 def count_cells_to_walls(occupancy):
-    """Return how many cells of air lie between each cell and the next wall along -x, +x, -y, +y, -z and +z.
+    """Return the number of cells of air between each cell and the next wall along -x, +x, -y, +y, -z and +z.
 
     The border of the grid is a wall. NO_WALL where an outlet comes first, or the wall is too far to count.
 
@@ -98,7 +98,7 @@ def add_imaged_filaments_at_points_inplace(
         The method of images, as for the ground of a Gaussian plume: Pasquill and Smith 1983, Atmospheric Diffusion.
     Left out:
         Edges of obstacles: each wall counts as a plane as far as the filament reaches, and a point beyond the plane
-        gets nothing of it. Images of images.
+        receives nothing from it. Images of images.
     Held by:
         tests/unit/services/fields/test_wall_images.py
     """
@@ -107,7 +107,7 @@ def add_imaged_filaments_at_points_inplace(
     )
 
 
-# The share of a filament with its images, from the air that lies around the cell of its centre.
+# Contribution of a filament with its images, from the air around the cell of its centre.
 @numba.njit(cache=True, nogil=True, inline="always")
 def _add_images(share, surroundings, x, y, z, fx, fy, fz, s):
     counts, origin_m, cell_m = surroundings

@@ -31,17 +31,17 @@ TO_ALL = "all"
 class RadioCore:
     """Delivers texts between agents, with the range, loss and delay of their channels.
 
-    Reads `truth/bodies` of the tick before and every agent's commands when they take effect (`latency_ticks` after
-    the observation they answer); writes `truth/radio` every tick. What step k takes was sent at the end of tick k - 1,
-    is measured between the bodies of k - 1, and is heard at tick k - 1 + `delay_ticks` of its channel.
+    Reads `truth/bodies` of the tick before and every agent's commands when they take effect (`latency_ticks` after the
+    observation they answer); writes `truth/radio` every tick. Texts that step k reads were sent at the end of
+    tick k - 1, their ranges are those between the bodies of k - 1, and they arrive `delay_ticks` of the channel later.
 
     Range is the straight line between the origins of two bodies; walls are as air. Losses of one receiver do not
     depend on others: each pair of sender and receiver has its own stream `radio.<channel>.<sender>.<receiver>`, and
     each text for that receiver, in range or not, draws once from it.
 
-    Where an event has taken a radio away, its texts are `lost`; `truth/events` of the last tick tells.
+    Texts of a radio that an event in `truth/events` of the last tick has switched off are `lost`.
 
-    State: the texts on their way, the streams, and which radios are lost; all are new at each reset.
+    State: the texts in transit, the streams, and the lost radios; all are new at each reset.
     Raises ModelError when the truth lacks a sender or receiver; the runtime then ends the run as invalid.
     """
 
@@ -50,7 +50,7 @@ class RadioCore:
         self._channels = {channel.name: channel for channel in scenario.channels}
         self._members = {channel.name: scenario.members_of(channel) for channel in scenario.channels}
         self._scenario = scenario
-        # Whose texts are lost, and on which channel; None stands for all.
+        # Agents with lost texts, each with a channel; None stands for all.
         self._outages: set[tuple[str | None, str | None]] = set()
         self._senders = sorted(agent.name for agent in scenario.agents)
         self._seed = scenario.seed
@@ -58,7 +58,7 @@ class RadioCore:
         self._on_their_way: dict[int, list[RadioArrival]] = {}
 
     def reset(self, episode: Episode) -> Outbox:
-        """Forget what is on its way and begin all streams again; nothing is written before tick 0."""
+        """Drop the texts in transit and begin all streams again; nothing is written before tick 0."""
         self._seed = episode.seed
         self._rngs = {}
         self._on_their_way = {}
@@ -66,7 +66,7 @@ class RadioCore:
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
-        """Send what was given to the radio a tick ago, and bring what arrives now."""
+        """Send the texts that agents wrote a tick ago, and deliver those that arrive now."""
         self._obey_events(inbox)
         transmissions = tuple(self._transmissions(tick - 1, inbox))
         arrivals = tuple(self._on_their_way.pop(tick, ()))
@@ -96,7 +96,7 @@ class RadioCore:
                 else:
                     yield RadioTransmission(sender=sender, message=message, refusal=f"outgoing[{i}].{refusal}")
 
-    # Says what is wrong with a text that cannot be sent; nothing when it can.
+    # The reason why a text cannot be sent; None if it can.
     def _refusal(self, sender: str, message: RadioMessage) -> str | None:
         own = [name for name, members in self._members.items() if sender in members]
         if message.channel not in own:
@@ -142,7 +142,7 @@ class RadioCore:
         return self._rngs[name]
 
 
-# Before tick 0 there is nobody, and nobody has sent anything.
+# Before tick 0 there are no bodies, and no texts.
 def _positions_m(poses: BodyPoses | None, agents: Iterable[str], tick: int) -> dict[str, Vec3]:
     if poses is None:
         return {}

@@ -9,9 +9,9 @@ from gslcosim.scenario.models.scenario import list_event_reads
 
 
 def radio_spec(scenario: Scenario) -> ParticipantSpec:
-    """Return radio's dataflow: where everybody was a tick ago and what was sent then in, what is heard now out.
+    """Return the radio's dataflow: bodies and texts of the last tick in, delivered texts out.
 
-    A command is read when it takes effect, so that nobody waits longer for an agent because it might send something.
+    A command is read when it takes effect, so that no participant waits longer for an agent that might send a text.
     """
     commands = (
         Read(port=keys.command(agent.name), delay_ticks=agent.latency_ticks)

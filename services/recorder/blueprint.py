@@ -25,7 +25,7 @@ from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELI
 from gslcosim_services.recorder.scene import floor_grid_m
 from gslcosim_services.recorder.stream_table import Stream
 
-# Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
+# Direction of the eye from the room's middle: somewhat west of south and above, the inlet's side in front.
 CAMERA_AZIMUTH_RAD = math.radians(-114.0)
 CAMERA_ELEVATION_RAD = math.radians(31.0)
 # The viewer's vertical field of view, measured in pictures of it, and the shapes of the views in a 16:10 window.
@@ -36,6 +36,34 @@ MAP_VIEW_ASPECT = 1.4
 MAP_SCALE_FRAC = 0.3
 MAP_MARGIN_FRAC = 0.09
 ROOM_MARGIN_FRAC = 0.02
+
+# More agents than this are counted, not named.
+MAX_NAMED = 3
+# The curves end a little after the cursor, so that their last points are seen.
+LOOK_AHEAD_S = 3.0
+# Number of cameras beside the run at once; more of them are tabs of one panel.
+MAX_CAMERAS_IN_A_ROW = 3
+MAX_GRID_COLUMNS = 4
+# A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
+MAX_CURVES_WITH_LEGEND = 4
+# Corners in which a legend covers least: gas comes late, responses of metal oxides fall then, distances begin large.
+_LEGEND_OF_GAS = rrb.Corner2D.LeftTop
+_LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
+_FALLING_UNIT = "ohm"
+# Models that people write in capital letters.
+_ACRONYMS = ("tgs", "pid", "tdlas")
+# Height of pictures of cameras over that of plots.
+CAMERA_WEIGHT = 1.6
+# The map shows one gas at its height, and nothing that would hide it.
+_NOT_ON_MAP = (
+    "+ /**",
+    f"- /{streams.FILAMENTS.root}",
+    f"- /{streams.SLICES.root}/**",
+    f"- /{streams.POINT_CLOUDS.root}/**",
+    f"- /{streams.BELIEF.root}/**",
+    "- /room/**",
+    "- /plots/**",
+)
 
 
 def fit_room_camera(environment: Environment) -> tuple[Vec3, Vec3]:
@@ -71,8 +99,8 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
 
     Args:
-        height_m: Where the layer is [m].
-        n_views: How many maps stand side by side; each is as much narrower.
+        height_m: Height of the layer [m].
+        n_views: Number of maps side by side; each is as much narrower.
     """
     aspect = MAP_VIEW_ASPECT * 2 / (n_views + 1)
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
@@ -84,7 +112,7 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     return _vec3(target_m + offset_m), _vec3(target_m)
 
 
-# Walls of somebody's own geometry lie around the grid.
+# Walls of imported geometry lie around the grid.
 def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     lows_m = [environment.grid.origin_m, *(mesh.vertices_m.min(axis=0) for mesh in environment.meshes)]
     highs_m = [environment.grid.max_m, *(mesh.vertices_m.max(axis=0) for mesh in environment.meshes)]
@@ -93,10 +121,6 @@ def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np
 
 def _vec3(values: NDArray[np.float64]) -> Vec3:
     return (float(values[0]), float(values[1]), float(values[2]))
-
-
-# More agents than this are counted, not named.
-MAX_NAMED = 3
 
 
 def summary_text(
@@ -114,7 +138,7 @@ def summary_text(
 
 
 def title(scenario: Scenario) -> str:
-    """Return one line that says what is run."""
+    """Return the run's title in one line."""
     names = [name if name == method else f"{name} ({method})" for name, method in scenario.methods.items()]
     who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
     return f"{scenario.name}: {who} searching for {scenario.gas.gas}"
@@ -205,21 +229,6 @@ def _point(position_m: tuple[float, float, float]) -> str:
     return f"({', '.join(f'{c:g}' for c in position_m)}) m"
 
 
-# The curves end a little after the cursor, so that their last points are seen.
-LOOK_AHEAD_S = 3.0
-# So many cameras are seen beside the run at once; more of them share one place.
-MAX_CAMERAS_IN_A_ROW = 3
-MAX_GRID_COLUMNS = 4
-# A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
-MAX_CURVES_WITH_LEGEND = 4
-# Where a legend covers least: gas is met late, what metal oxides report falls then, and distances begin far away.
-_LEGEND_OF_GAS = rrb.Corner2D.LeftTop
-_LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
-_FALLING_UNIT = "ohm"
-# Models that people write in capital letters.
-_ACRONYMS = ("tgs", "pid", "tdlas")
-
-
 def build_note_views() -> rrb.Tabs:
     """Return what methods note of their state: the lanes of their modes, and behind them their numbers as curves."""
     modes = rrb.StateTimelineView(origin=f"/{streams.NOTE_MODE.root}", name=streams.NOTE_MODE.title)
@@ -242,7 +251,7 @@ def build_run_plots(
         plots.append(_plot(streams.MIXING_RATIO.root, f"True {what} at the sensor [ppm]", n_curves, _LEGEND_OF_GAS))
         plots.append(_group(responses))
     if any(agent.wind_sensors for agent in agents):
-        # Without a legend: what is measured is noisy everywhere.
+        # Without a legend: measurements are noisy over the whole plot.
         plots.append(_plot(streams.WIND_SPEED.root, f"{_titled(streams.WIND_SPEED)}, true in grey", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
     behind = [
@@ -261,7 +270,7 @@ def _titled(stream: Stream) -> str:
     return label_with_unit(stream.title, stream.unit)
 
 
-# What is looked at first is in front.
+# The most important plot is in front.
 def _group(plots: Sequence[rrb.TimeSeriesView]) -> rrb.TimeSeriesView | rrb.Tabs:
     return plots[0] if len(plots) == 1 else rrb.Tabs(*plots, active_tab=0)
 
@@ -278,7 +287,7 @@ def _belief_plots(scenario: Scenario, believing: Sequence[AgentEntities]) -> lis
     return [_plot(streams.BELIEF_MASS.root, name, len(believing), _LEGEND_OF_GAS)]
 
 
-# Several vehicles with one curve each have their colours, which the legend of the distances tells.
+# Several vehicles with one curve each have their own colours, which the legend of the distances shows.
 def _has_one_color(n_curves: int, agents: Sequence[AgentEntities]) -> int:
     return 0 if n_curves <= len(agents) else n_curves
 
@@ -322,7 +331,7 @@ def build_sensor_page(agent: AgentEntities) -> rrb.Grid | None:
     return rrb.Grid(*views, grid_columns=columns, name=f"Sensors of {agent.agent.name}")
 
 
-# Readings of one unit share a plot.
+# Readings of one unit are in one plot.
 def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
     members: dict[str, list[tuple[str, str]]] = {}
     for agent in agents:
@@ -332,17 +341,15 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
             )
     plots = []
     for unit, drawn in members.items():
-        models = dict.fromkeys(_shown_model(model) for model, _ in drawn)
+        models = dict.fromkeys(
+            model.upper() if model.startswith(_ACRONYMS) else model.replace("_", " ") for model, _ in drawn
+        )
         title = label_with_unit(f"Reading of {', '.join(models)}", unit)
         contents = [f"+ /{entity}" for _, entity in drawn]
         corner = _LEGEND_OF_FALLING if unit == _FALLING_UNIT else _LEGEND_OF_GAS
         n_curves = _has_one_color(len(drawn), agents)
         plots.append(_plot(streams.RESPONSE.root, title, n_curves, corner, contents=contents))
     return plots
-
-
-def _shown_model(model: str) -> str:
-    return model.upper() if model.startswith(_ACRONYMS) else model.replace("_", " ")
 
 
 def _shown_camera(sensor: SensorSpec) -> str:
@@ -371,31 +378,17 @@ def _plot(
     )
 
 
-# How much higher pictures of cameras are than plots.
-CAMERA_WEIGHT = 1.6
-# The map shows one gas at its height, and nothing that would hide it.
-_NOT_ON_MAP = (
-    "+ /**",
-    f"- /{streams.FILAMENTS.root}",
-    f"- /{streams.SLICES.root}/**",
-    f"- /{streams.POINT_CLOUDS.root}/**",
-    f"- /{streams.BELIEF.root}/**",
-    "- /room/**",
-    "- /plots/**",
-)
-
-
 def default_blueprint(
     scenario: Scenario, environment: Environment, *, believers: Sequence[str] = (), has_notes: bool = False
 ) -> rrb.Blueprint:
     """Return the layout: the room, the map at search height and the text left, cameras and curves right.
 
-    Where vehicles have on-board sensors, each has a page of its own behind this one, with their pictures and curves.
-    Panels are folded away and the time cursor stands at the end of the run, where the whole track is seen.
+    Each vehicle with on-board sensors has a page of its own behind this one, with their pictures and curves. Panels are
+    folded away and the time cursor stands at the end of the run, so that the whole track is visible.
 
     Args:
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
-        has_notes: Whether methods note their state, which has a lane for each mode and curves.
+        has_notes: True if methods note their state, which has a lane for each mode and curves.
     """
     agents = build_entities(scenario)
     flight = _run_page(scenario, environment, agents, believers, has_notes=has_notes)
@@ -419,7 +412,12 @@ def _run_page(
     has_notes: bool,
 ) -> rrb.Horizontal:
     # Behind tabs, so that each has room for some lines on a small screen.
-    logs = [_log_view(stream) for stream in streams.LOGS if stream is not streams.RADIO or scenario.channels]
+    columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
+    logs = [
+        rrb.TextLogView(origin=stream.entity, name=stream.title, columns=columns)
+        for stream in streams.LOGS
+        if stream is not streams.RADIO or scenario.channels
+    ]
     documents = [
         rrb.TextDocumentView(origin=stream.entity, name=stream.title) for stream in (streams.SUMMARY, streams.LEGEND)
     ]
@@ -444,11 +442,6 @@ def _run_page(
     shares = [*(CAMERA_WEIGHT for _ in cameras), *(1.0 for _ in plots)]
     right = rrb.Vertical(*cameras, *plots, row_shares=shares)
     return rrb.Horizontal(left, right, column_shares=[5, 2], name="Flight")
-
-
-def _log_view(stream: Stream) -> rrb.TextLogView:
-    columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
-    return rrb.TextLogView(origin=stream.entity, name=stream.title, columns=columns)
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Spatial3DView:

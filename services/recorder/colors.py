@@ -36,6 +36,9 @@ DECADES = 3
 # Dark violet over red and orange to pale yellow, brighter with every step; chosen.
 _GAS_ANCHORS = ((52, 18, 92), (120, 28, 109), (190, 48, 84), (237, 105, 37), (251, 180, 46), (252, 252, 190))
 
+# Dark teal over turquoise to white: no colour of the gas.
+_BELIEF_ANCHORS = ((33, 37, 45), (20, 78, 99), (28, 140, 140), (110, 205, 160), (240, 255, 235))
+
 
 def agent_color(index: int) -> Rgb:
     """Return the colour of the vehicle, the track and the curves of the i-th agent."""
@@ -97,10 +100,6 @@ def _interpolate(anchors: tuple[Rgb, ...]) -> NDArray[np.float64]:
 
 def _with_opacity(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])
-
-
-# Dark teal over turquoise to white: no colour of the gas.
-_BELIEF_ANCHORS = ((33, 37, 45), (20, 78, 99), (28, 140, 140), (110, 205, 160), (240, 255, 235))
 
 
 def belief_colors() -> NDArray[np.uint8]:

@@ -24,9 +24,9 @@ class RecorderCore:
     """Writes a run into one .rrd file that opens with a layout of its own.
 
     Reads every port of the run with delay 0, writes none. Draws nothing random and reads no clock, so equal runs give
-    equal content. What comes after the verdict is not recorded, nor what is not within `recording.from_s` and `to_s`.
-    The file exists from `reset` on and is whole when `close` has returned. Steps only append; every `FLUSH_TICKS` ticks
-    the rows are sent to the file.
+    equal content. Only messages up to the verdict, and between `recording.from_s` and `to_s`, are recorded. The file
+    exists from `reset` on and is whole when `close` has returned. Steps only append; every `FLUSH_TICKS` ticks the rows
+    are sent to the file.
 
     Raises RecordingError when the file cannot be written; the runtime then stops the run.
     """
@@ -49,11 +49,11 @@ class RecorderCore:
         self._recording: RunRecording | None = None
 
     def reset(self, episode: Episode) -> Outbox:
-        """Open the file and draw what stands still."""
+        """Open the file and draw the static scene."""
         del episode
         self.close()
 
-        # Rerun takes half a second to import: where nobody waits for the recorder, others begin meanwhile.
+        # Rerun takes half a second to import; participants that do not wait for the recorder begin meanwhile.
         from gslcosim_services.recorder.blueprint import default_blueprint, title
         from gslcosim_services.recorder.recording_file import RecordingFile
         from gslcosim_services.recorder.rows.events import WindLayer
@@ -75,7 +75,7 @@ class RecorderCore:
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
-        """Take note of everything of this tick."""
+        """Record all messages of this tick."""
         recording = self._recording
         if recording is None or recording.is_over:
             return {}
@@ -89,7 +89,7 @@ class RecorderCore:
         return {}
 
     def close(self) -> None:
-        """Send what waits, write the file's footer and release it; without an open file, do nothing."""
+        """Send the waiting rows, write the file's footer and release it; without an open file, do nothing."""
         if self._recording is None:
             return
         recording, self._recording = self._recording, None

@@ -1,4 +1,4 @@
-"""Sensors of each agent by what is recorded of them, and where the agent's streams stand in the recording."""
+"""Sensors of each agent by their streams, and the paths of the agent's streams in the recording."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from gslcosim_services.recorder.stream_table import ON_BOARD_STREAMS, SOURCE_MAR
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND
 
-# Units as they are written in messages, and as people read them.
+# Units as messages have them, and as people read them.
 _SHOWN_UNITS = {"1": "", "ohm": "Ω", "m/s^2": "m/s²", "uT": "µT", "ppm m": "ppm·m"}
 
 
@@ -22,7 +22,7 @@ def list_on_board_streams(sensor: SensorSpec, scenario: Scenario) -> tuple[Strea
 
 
 def is_on_board(sensor: SensorSpec, scenario: Scenario) -> bool:
-    """Return whether a sensor looks at the vehicle and what is around it, not at gas or wind."""
+    """Return whether a sensor measures the vehicle and its surroundings, not gas or wind."""
     return find_sensor_kind(scenario, sensor.model).is_on_board
 
 
@@ -37,7 +37,7 @@ def get_unit(sensor: SensorSpec, scenario: Scenario) -> str:
 
 
 def label_with_unit(title: str, unit: str) -> str:
-    """Return a title with its unit behind, as people read it; nothing behind pure numbers."""
+    """Return a title with its unit, as people read it; without one for pure numbers."""
     shown = _SHOWN_UNITS.get(unit, unit)
     return f"{title} [{shown}]" if shown else title
 
@@ -94,6 +94,6 @@ def list_gas_names(scenario: Scenario) -> tuple[str, ...]:
 
 
 def source_events(scenario: Scenario) -> list[str]:
-    """Return where the events of each source are marked; nothing where no source has any."""
+    """Return the paths of the marks of each source's events; none where no source has events."""
     has_any = any(isinstance(event, SourceEventSpec) for event in scenario.events)
     return [SOURCE_MARKS.at(source=str(i)) for i in range(len(scenario.gas.sources))] if has_any else []

@@ -1,6 +1,6 @@
 """Rerun file being written: the only place that opens, feeds and closes an .rrd file; each write is checked.
 
-Rerun writes its files in a thread of its own, and goes on as if nothing had happened where the disk is full.
+Rerun writes its files in a thread of its own, and reports no error when the disk is full.
 """
 
 import contextlib
@@ -29,9 +29,13 @@ _PIPE_BYTES = 1 << 20
 _CHUNK_BYTES = 1 << 18
 # Rerun writes a chunk in several pieces: woken for each, the copying thread would take longer than the copying.
 _GATHER_S = 0.01
-# Whoever opens a file of these folders opens the pipe of that descriptor.
+# A file of these folders opens the pipe of that descriptor.
 _DESCRIPTOR_FOLDER = next((folder for folder in ("/proc/self/fd", "/dev/fd") if Path(folder).is_dir()), None)
 _DISABLE_REMEDY = "Or do without the recording: --set recording.enabled=false."
+
+APPLICATION_ID = "gslcosim"
+TICK_TIMELINE = "tick"
+TIME_TIMELINE = "sim_time"
 
 
 class PipedFile:
@@ -49,7 +53,7 @@ class PipedFile:
         self._n_bytes = 0
         self._failure: str | None = None
         self._is_complete = False
-        # Set while somebody waits until all is in the file.
+        # Set while a caller waits until all is in the file.
         self._is_awaited = threading.Event()
         # Held while bytes are on their way from the pipe to the file.
         self._moved = threading.Condition()
@@ -72,16 +76,16 @@ class PipedFile:
         return sys.platform != "win32" and _DESCRIPTOR_FOLDER is not None
 
     def close_write_end(self) -> None:
-        """Close the end that is held open here: from now on the file ends when the writer closes its own."""
+        """Close this object's own end: the file then ends when the writer closes its end."""
         os.close(self._own_end)
 
     def check(self) -> None:
-        """Raise what has failed so far."""
+        """Raise the error of an earlier write, if any."""
         if self._failure is not None:
             raise RecordingWriteError(self._failure)
 
     def wait_until_written(self) -> None:
-        """Return when all that the writer has sent is in the file."""
+        """Wait until all that the writer has sent is in the file."""
         self._is_awaited.set()
         with self._moved:
             self._moved.wait_for(lambda: self._is_complete or self._failure is not None or self._n_waiting() == 0)
@@ -89,7 +93,7 @@ class PipedFile:
         self.check()
 
     def close(self) -> None:
-        """Return when the writer has closed its end and the file is complete."""
+        """Wait until the writer has closed its end and the file is complete."""
         self._is_awaited.set()
         self._copier.join()
         self.check()
@@ -127,7 +131,7 @@ class PipedFile:
             expected = f"to write {_format_size(len(data))} more after {_format_size(self._n_bytes)}"
             self._failure = _error_text(error, self._path, expected)
 
-    # Some file systems tell only here that there was no room.
+    # Some file systems report a full disk only here.
     def _close(self) -> None:
         os.close(self._pipe)
         try:
@@ -144,11 +148,6 @@ def _format_size(n_bytes: int) -> str:
     return f"{n_bytes / 1e6:.3g} MB" if n_bytes >= 100_000 else f"{max(n_bytes / 1e3, 0.1):.3g} kB"
 
 
-APPLICATION_ID = "gslcosim"
-TICK_TIMELINE = "tick"
-TIME_TIMELINE = "sim_time"
-
-
 # Most entities have rows at the same ticks.
 @lru_cache(maxsize=8)
 def _time_columns(ticks: tuple[int, ...], tick_ns: int) -> tuple[rr.TimeColumn, rr.TimeColumn]:
@@ -163,9 +162,9 @@ class RecordingFile:
     """A recording on disk with two timelines: `tick` (whole ticks) and `sim_time` (a duration).
 
     Nothing in it but the machine's notes comes from a wall clock, so equal runs give equal content otherwise
-    (`rerun rrd compare --unordered`).
-    Until `close` has returned the file lacks its footer; see `gslcosim_services.recorder.rerun_cli`. What cannot be
-    written is raised by the next call of any method. On Windows Rerun writes the file itself, and reports nothing.
+    (`rerun rrd compare --unordered`). Until `close` has returned the file lacks its footer; see
+    `gslcosim_services.recorder.rerun_cli`. The next call of any method raises the error of a failed write. On Windows
+    Rerun writes the file itself, and reports nothing.
     """
 
     def __init__(self, path: Path, *, run_id: str, name: str, tick_ns: int, blueprint: rrb.Blueprint) -> None:
@@ -194,7 +193,7 @@ class RecordingFile:
         self._stream.send_recording_name(name)
 
     def check(self) -> None:
-        """Raise what could not be written so far."""
+        """Raise the error of an earlier write, if any."""
         if self._file is not None:
             self._file.check()
 
@@ -204,7 +203,7 @@ class RecordingFile:
         self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def draw(self, entity: str, *parts: rr.AsComponents) -> None:
-        """Write what an entity shows at all times."""
+        """Write the static parts of an entity."""
         self.check()
         self._stream.log(entity, *parts, static=True, strict=True)
 
@@ -227,13 +226,13 @@ class RecordingFile:
         rr.send_chunks(chunks, recording=self._stream)
 
     def flush(self) -> None:
-        """Return when everything sent so far is in the file."""
+        """Wait until everything sent so far is in the file."""
         self._stream.flush()
         if self._file is not None:
             self._file.wait_until_written()
 
     def close(self) -> None:
-        """Write what is left and the footer, and release the file."""
+        """Write the rest and the footer, and release the file."""
         self._stream.flush()
         self._stream.disconnect()
         if self._file is not None:

@@ -17,6 +17,14 @@ from gslcosim.base.processes import build_parent_death_prefix
 _WITHOUT_ANALYTICS = {"CI": "1"}
 _ANALYTICS_SWITCH = "FORCE_RERUN_ANALYTICS"
 
+TIMEOUT_S = 300.0
+# The program prints the number of files it verified; an empty file passes as "0 files".
+_VERIFIED = "1 file verified"
+# The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
+_END_MARK = b"RRF2FOOT"
+_END_BYTES = 12
+_DISK_FULL_TEXTS = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
+
 
 def rerun_program() -> Path:
     """Return the path of the program."""
@@ -72,15 +80,6 @@ def run_rerun(arguments: Sequence[str | Path], *, timeout_s: float) -> subproces
         raise RecordingError(f"rerun: expected a program that starts, was {error}.") from error
 
 
-TIMEOUT_S = 300.0
-# The program says how many files it looked at; an empty file passes as "0 files".
-_VERIFIED = "1 file verified"
-# The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
-_END_MARK = b"RRF2FOOT"
-_END_BYTES = 12
-_DISK_FULL_TEXTS = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
-
-
 def is_complete(path: Path) -> bool:
     """Return whether a recording can be read to its end and has its footer."""
     if not path.is_file():
@@ -92,7 +91,7 @@ def is_complete(path: Path) -> bool:
 
 
 def has_footer(path: Path) -> bool:
-    """Return whether a file ends like a whole recording; what is before its end is not looked at."""
+    """Return whether a file ends like a whole recording, by its last bytes alone."""
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - _END_BYTES))
         return file.read().startswith(_END_MARK)
@@ -101,15 +100,15 @@ def has_footer(path: Path) -> bool:
 def repair_recording(path: Path) -> bool:
     """Make a recording whole, keeping every row that reached the disk.
 
-    A recorder that was killed leaves a file without footer, and perhaps with half a chunk at its end. What can be read
-    is written to a new file beside the old one, which replaces it at once; whatever goes wrong, the old file stays.
+    A recorder that was killed leaves a file without footer, and perhaps with half a chunk at its end. All readable
+    chunks go to a new file beside the old one, which then replaces it in one step; on any error the old file stays.
 
     Returns:
         True if the file was repaired, false if it was whole.
     """
     if is_complete(path):
         return False
-    # Its name ends like the recording's: the program goes by it.
+    # Its name ends like the recording's: the program depends on it.
     repaired = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.rrd")
     try:
         merged = run_rerun(["rrd", "merge", "--continue-on-error", "-o", repaired, path], timeout_s=TIMEOUT_S)

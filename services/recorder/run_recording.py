@@ -26,23 +26,25 @@ from gslcosim.environment.model import Environment
 from gslcosim.runtime.run_dir import read_machine_notes
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import stream_table as streams
+from gslcosim_services.recorder.agent_look import draw_agent, draw_belief_curves
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, summary_text
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
 from gslcosim_services.recorder.recording_file import RecordingFile
-from gslcosim_services.recorder.rows.agents import AgentRows, AnemometerRows, NoteRows
-from gslcosim_services.recorder.rows.columns import FilamentRows, Marker, Rows, SliceRows, TextRows, split_columns
+from gslcosim_services.recorder.rows.agents import AgentRows
+from gslcosim_services.recorder.rows.columns import RecordingRows, split_columns
 from gslcosim_services.recorder.rows.events import (
-    AllDoorRows,
     ContactRows,
+    DoorRows,
     EventMarkRows,
     ServiceRows,
     WindLayer,
     WindRows,
 )
+from gslcosim_services.recorder.rows.gas import GasRows
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
 
-# What of the referee's events is marked in the room where it happened; all of them are in its log.
+# Referee's events that have a mark at their place in the room, with its text; all of them are in the log.
 FIRST_GAS = "first gas"
 MARKED_EVENTS = {"take_off": "start", "gas_contact": FIRST_GAS}
 WARNING_EVENTS = frozenset({"contact", "refused", "collision", "agent_failed", "out_of_bounds"})
@@ -60,12 +62,12 @@ class RunRecording:
     def __init__(
         self, file: RecordingFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer, folder: Path
     ) -> None:
-        """Draw what stands still.
+        """Draw the static scene.
 
         Args:
             file: An empty file; it belongs to this object from now on.
             wind_layer: The environment's wind at the slice's height.
-            folder: Where the machine's notes of the run are, if there are any.
+            folder: Folder of the machine's notes of the run, if there are any.
         """
         self._file = file
         self._scenario = scenario
@@ -73,35 +75,48 @@ class RunRecording:
         self._folder = folder
         self.is_over = False
         self._waiting: list[tuple[int, Inbox]] = []
-        gases, tick_ns = list_gas_names(scenario), scenario.tick_ns
-        self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in build_entities(scenario)}
-        self._filaments = FilamentRows(streams.FILAMENTS.entity, scenario)
-        self._slices: dict[str, SliceRows] = {}
-        self._doors = AllDoorRows(scenario, environment)
-        later = {
-            variant: WindLayer(room, scenario.slice_height_m, like=wind_layer)
-            for variant, room in environment.later_rooms.items()
+        self._rows = RecordingRows(file)
+        self._events = self._rows.of(streams.EVENTS)
+        self._radio = self._rows.of(streams.RADIO)
+        self._faults = self._rows.of(streams.FAULTS)
+        self._gas = GasRows(self._rows, scenario)
+        self._services = ServiceRows(self._rows, scenario)
+        gases = list_gas_names(scenario)
+        agents = [AgentRows(self._rows, names, gases, scenario.tick_ns) for names in build_entities(scenario)]
+        self._agents = {agent.names.agent.name: agent for agent in agents}
+        self._event_marks = EventMarkRows(self._rows, scenario, self._agents)
+        contacts, tick_ns = self._rows.of(streams.CONTACTS), scenario.tick_ns
+        floors = [box.name for box in environment.boxes if box.kind == "floor"]
+        self._contacts = {
+            name: ContactRows(agent, contacts, tick_ns=tick_ns, floors=floors) for name, agent in self._agents.items()
         }
-        self._wind = WindRows(streams.WIND_ARROWS.entity, wind_layer, later)
-        # Without events and with one wind, nothing of the room ever changes.
-        self._is_still = wind_layer.is_steady and not scenario.events
-        self._events = TextRows(streams.EVENTS.entity)
-        self._contact_log = TextRows(streams.CONTACTS.entity)
-        self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
-        self._radio = TextRows(streams.RADIO.entity)
-        self._faults = TextRows(streams.FAULTS.entity)
         self._sandboxes: Mapping[str, str] = {}
-        self._services = ServiceRows(scenario)
-        self._event_marks = EventMarkRows(scenario, self._agents)
         self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
         self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
         self._in_space = [(agent, port) for agent, port in self._observations if agent.shows_space]
         self._bodies: tuple[BodyState, ...] = ()
         self._touching: set[str] = set()
-        self._draw_scene()
+
+        draw_room(file, environment)
+        draw_sources(file, scenario)
+        draw_map(file, environment, GasScale.of(scenario), scenario.slice_height_m)
+        self._doors = DoorRows(self._rows, scenario, environment)
+        later = {
+            variant: WindLayer(room, scenario.slice_height_m, like=wind_layer)
+            for variant, room in environment.later_rooms.items()
+        }
+        self._wind = WindRows(self._rows, wind_layer, later)
+        # Without events and with one wind, nothing of the room ever changes.
+        self._is_still = wind_layer.is_steady and not scenario.events
+        for agent in agents:
+            draw_agent(file, agent.names, gases, label=self._label(agent))
+        file.draw(streams.LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
+        self._write_summary(tick=0, verdict=None)
+        # Rows overtake what stands still, which waits some time in Rerun: a file cut off early would lack the room.
+        file.flush()
 
     def note(self, tick: int, inbox: Inbox) -> None:
-        """Take note of everything of a tick but the verdict."""
+        """Record all messages of a tick but the verdict."""
         self._file.check()
         self._waiting.append((tick, inbox))
         if len(self._waiting) >= BATCH_TICKS:
@@ -113,33 +128,34 @@ class RunRecording:
             self._note_rare(tick, inbox)
         self._note_columns(waiting)
 
-    # What seldom comes, and what depends on what came before: tick by tick.
+    # Rare messages, and those whose rows depend on earlier ones: tick by tick.
     def _note_rare(self, tick: int, inbox: Inbox) -> None:
         if not self._is_still:
             self._doors.add(tick, inbox)
             time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
-            self._wind.add_wind(tick, time_s, self._doors.room.variant)
+            self._wind.add(tick, time_s, self._doors.room.variant)
         bodies = cast(BodyPoses | None, inbox.get(keys.BODIES))
         if bodies is not None:
             self._bodies = bodies.bodies
             for body in bodies.bodies:
                 if body.contacts or body.agent in self._touching:
-                    self._note_contacts(tick, body)
+                    self._contacts[body.agent].add(tick, body)
+                    (self._touching.add if body.contacts else self._touching.discard)(body.agent)
         cloud = cast(FilamentCloud | None, inbox.get(keys.FILAMENTS))
         if cloud is not None:
-            self._filaments.add(tick, cloud)
-            for item in cloud.slices:
-                self._slice_rows(item.gas).add(tick, item)
+            self._gas.add(tick, cloud)
         if self._scenario.events:
             self._locate_agents()
             self._event_marks.add(tick, inbox)
         self._note_space(tick, inbox)
         self._note_commands(tick, inbox)
-        self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
+        traffic = cast(RadioTraffic | None, inbox.get(keys.RADIO))
+        for sent in traffic.transmissions if traffic else ():
+            self._radio.add(tick, (format_transmission(sent), "WARN" if sent.refusal else "INFO"))
         self._services.add(tick, inbox)
         self._note_events(tick, cast(Score | None, inbox.get(keys.SCORE)))
 
-    # What comes at every tick: column by column, which costs a fraction of a call for each number.
+    # Messages of every tick: column by column, which costs a fraction of a call for each number.
     def _note_columns(self, waiting: Sequence[tuple[int, Inbox]]) -> None:
         ticks, bodies = _list_messages(waiting, keys.BODIES)
         for agent, column in split_columns(ticks, [message.bodies for message in bodies], "agent"):
@@ -156,7 +172,7 @@ class RunRecording:
             self._agents[agent].note_scores(*column)
 
     def end(self, verdict: Verdict) -> None:
-        """Send what waits and write how the run ended."""
+        """Send the waiting rows and write the end of the run."""
         self.is_over = True
         self._take()
         time_s = seconds_from_ticks(verdict.tick, self._scenario.tick_ns)
@@ -170,16 +186,10 @@ class RunRecording:
     def send(self) -> None:
         """Send the rows that wait."""
         self._take()
-        logs = (self._events, self._contact_log, self._radio, self._faults)
-        rows: list[Rows[Any] | AnemometerRows | NoteRows] = [self._filaments, self._wind, *logs, *self._slices.values()]
-        rows += [*self._services.all(), *self._event_marks.all(), *self._doors.all()]
-        for agent in self._agents.values():
-            rows += agent.all()
-        for item in rows:
-            item.send(self._file)
+        self._rows.send()
 
     def close(self) -> None:
-        """Send what waits, write the file's footer and release it."""
+        """Send the waiting rows, write the file's footer and release it."""
         try:
             if not self.is_over:
                 self._note_machine(sys.maxsize)
@@ -193,7 +203,7 @@ class RunRecording:
         for name, agent in self._agents.items():
             for tick, taken_ms in notes.decisions_ms.get(name, ()):
                 if tick <= last_tick:
-                    agent.decision.add(tick, taken_ms)
+                    agent.of(streams.DECISION_TIME).add(tick, taken_ms)
         for tick, participant, text in notes.faults:
             if tick <= last_tick:
                 self._faults.add(tick, (f"{participant}: {text}", "WARN"))
@@ -203,25 +213,6 @@ class RunRecording:
         for agent in self._agents.values():
             agent.track.end_strip()
         self.send()
-
-    # Rows overtake what stands still, which waits some time in Rerun: a file cut off early would lack the room.
-    def _draw_scene(self) -> None:
-        draw_room(self._file, self._environment)
-        draw_sources(self._file, self._scenario)
-        draw_map(self._file, self._environment, GasScale.of(self._scenario), self._scenario.slice_height_m)
-        self._doors.draw(self._file)
-        self._wind.draw(self._file)
-        for name, agent in self._agents.items():
-            agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
-        self._file.draw(
-            streams.LEGEND.entity, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN)
-        )
-        self._write_summary(tick=0, verdict=None)
-        self._file.flush()
-
-    def _note_contacts(self, tick: int, body: BodyState) -> None:
-        self._contacts[body.agent].add(tick, body)
-        (self._touching.add if body.contacts else self._touching.discard)(body.agent)
 
     def _note_space(self, tick: int, inbox: Inbox) -> None:
         if not self._in_space:
@@ -238,29 +229,29 @@ class RunRecording:
         for agent, port in self._commands:
             command = cast(Command | None, inbox.get(port))
             if command is not None:
-                believed_before, noted_before = agent.belief.has_any, agent.notes.has_any
+                before = (agent.has_beliefs, agent.has_notes)
                 agent.note_command(tick, command)
-                if agent.belief.has_any and not believed_before:
-                    agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
-                if (agent.belief.has_any, agent.notes.has_any) != (believed_before, noted_before):
+                if agent.has_beliefs and not before[0]:
+                    draw_belief_curves(self._file, agent.names, label=self._label(agent))
+                if (agent.has_beliefs, agent.has_notes) != before:
                     self._lay_out()
 
-    # Asked for where something is marked at a vehicle, which is seldom.
+    # Names of curves begin with the agent where there are several.
+    def _label(self, agent: AgentRows) -> str:
+        return "" if len(self._agents) == 1 else f"{agent.names.agent.name} "
+
+    # Called for marks at a vehicle alone, which are rare.
     def _locate_agents(self) -> None:
         for body in self._bodies:
             self._agents[body.agent].position_m = body.position_world_m
 
-    # Nobody knows before the run who will publish beliefs or notes, and an empty view would be in the way of others.
+    # Which agents publish beliefs or notes is not known before the run, and an empty view would take others' place.
     def _lay_out(self) -> None:
-        believers = tuple(name for name, rows in self._agents.items() if rows.belief.has_any)
-        has_notes = any(rows.notes.has_any for rows in self._agents.values())
+        believers = tuple(name for name, rows in self._agents.items() if rows.has_beliefs)
+        has_notes = any(rows.has_notes for rows in self._agents.values())
         self._file.lay_out(
             default_blueprint(self._scenario, self._environment, believers=believers, has_notes=has_notes)
         )
-
-    def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
-        for sent in traffic.transmissions if traffic else ():
-            self._radio.add(tick, (format_transmission(sent), "WARN" if sent.refusal else "INFO"))
 
     def _note_events(self, tick: int, score: Score | None) -> None:
         if score is None or not score.events:
@@ -274,16 +265,7 @@ class RunRecording:
             if agent is not None and label is not None:
                 # Those of several vehicles would cover each other.
                 is_shown = len(self._agents) == 1
-                agent.markers.add(tick, Marker(agent.position_m, label, agent.names.color, is_shown))
-
-    def _contact_notes(self, name: str, agent: AgentRows) -> ContactRows:
-        floors = [box.name for box in self._environment.boxes if box.kind == "floor"]
-        return ContactRows(name, agent.markers, self._contact_log, tick_ns=self._scenario.tick_ns, floors=floors)
-
-    def _slice_rows(self, gas: str) -> SliceRows:
-        if gas not in self._slices:
-            self._slices[gas] = SliceRows(streams.SLICES.at(gas=gas), GasScale.of(self._scenario))
-        return self._slices[gas]
+                agent.mark(tick, agent.position_m, label, is_shown=is_shown)
 
     def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
         text = summary_text(self._scenario, self._environment, verdict, self._sandboxes)
@@ -297,7 +279,7 @@ def _list_messages(waiting: Sequence[tuple[int, Inbox]], port: str) -> tuple[lis
 
 
 def format_transmission(sent: RadioTransmission) -> str:
-    """Return in one line what was sent and what became of it."""
+    """Return a text and its fate in one line."""
     head = f"{sent.sender} on {sent.message.channel} to {sent.message.to}: {sent.message.text}"
     if sent.refusal is not None:
         return f"{head}   [refused: {sent.refusal}]"

@@ -1,7 +1,7 @@
 """Static scene of the recording: room, openings, sources, map and scale, and the shapes of doors and vehicles.
 
 Sizes and places are those of the catalogue; white shows where a vehicle looks. Small vehicles are drawn larger than
-they are: in a room of fifteen metres they would be lost in the picture.
+they are: in a room of fifteen metres they would be invisible.
 """
 
 import math
@@ -33,17 +33,17 @@ GLASS = rr.components.FillMode.TransparentFillMajorWireframe
 MESHES = "room/geometry"
 OBSTACLE_ALPHA = 150
 EDGE_RADIUS_M = 0.025
-# Edges are no thicker than this share of a box's middle side: pallets are made of thin boards.
+# Edges are no thicker than this fraction of a box's middle side: pallets are made of thin boards.
 EDGE_RADIUS_FRAC = 0.08
-# What encloses a room is a hint, so that one sees what is in it; a triangle is part of it when it lies so few cells
-# from the same side of the grid, or beyond it.
+# The shell of a room is nearly transparent, so that its contents are visible; a triangle is part of the shell when it
+# lies within so few cells of the same side of the grid, or beyond it.
 SHELL_ALPHA = 14
 MESH_ALPHA = 190
 SHELL_CELLS = 1.0
-# Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
+# Slices are drawn this far below their height: vehicles move in that very layer, and would be half hidden.
 SLICE_SINK_M = 0.3
 COLUMN_HALF_HEIGHT_M = 4.0
-# But not into the floor, where vehicles drive on it.
+# But not in the floor: rovers drive on it.
 MIN_SLICE_HEIGHT_M = 0.02
 MAX_FLOOR_LINES = 25
 # The colour scale beside the map, in fractions of the room's width.
@@ -51,9 +51,12 @@ SCALE_GAP_FRAC = 0.12
 SCALE_WIDTH_FRAC = 0.035
 SCALE_LABEL_RISE_FRAC = 0.04
 
+WHITE: Rgb = (255, 255, 255)
+BLACK: Rgb = (35, 35, 38)
+
 
 def draw_room(file: RecordingFile, environment: Environment) -> None:
-    """Draw floor, outline, obstacles and openings; ceiling and walls stay open so that one can look in."""
+    """Draw floor, outline, obstacles and openings; ceiling and walls stay open to view."""
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
     file.draw(
         "room/outline",
@@ -75,7 +78,7 @@ def draw_room(file: RecordingFile, environment: Environment) -> None:
 
 
 def draw_sources(file: RecordingFile, scenario: Scenario) -> None:
-    """Draw every source with what the success criterion draws around it."""
+    """Draw every source with the region of the success criterion around it."""
     half_size_m = _half_size_around_sources_m(scenario.referee.success)
     for i, source in enumerate(scenario.gas.sources):
         label = "source" if len(scenario.gas.sources) == 1 else f"source {i + 1}"
@@ -95,7 +98,7 @@ def draw_sources(file: RecordingFile, scenario: Scenario) -> None:
             file.draw(f"{entity}/success_radius", radius)
 
 
-# Where heights do not count, what counts is a column.
+# A column, for a criterion that ignores heights.
 def _half_size_around_sources_m(success: SuccessSpec) -> tuple[float, float, float] | None:
     radius_m = success.drawn_radius_m
     if radius_m is None:
@@ -104,12 +107,12 @@ def _half_size_around_sources_m(success: SuccessSpec) -> tuple[float, float, flo
 
 
 def slice_height_m(height_m: float) -> float:
-    """Return where the layer at a height is drawn on the map [m]."""
+    """Return the drawn height of a map's layer at a height [m]."""
     return max(height_m - SLICE_SINK_M, MIN_SLICE_HEIGHT_M)
 
 
 def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, height_m: float) -> None:
-    """Draw what only the map shows, flat, where its slice is: outline, obstacles and openings, and the colour scale."""
+    """Draw the map's own parts, flat, at its slice: outline, obstacles and openings, and the colour scale."""
     drawn_m = slice_height_m(height_m)
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
     depth_m = float(high_m[1] - low_m[1])
@@ -174,7 +177,7 @@ def _floor_grid(environment: Environment) -> rr.LineStrips3D:
 
 
 def entity_name(name: str) -> str:
-    """Return a name that any file may give as a part of an entity's path."""
+    """Return any name as a valid part of an entity's path."""
     return re.sub(r"[^A-Za-z0-9_]+", "_", name) or "part"
 
 
@@ -206,7 +209,7 @@ def flat_box(environment: Environment, box: Box, height_m: float) -> Box:
 
 
 def door_look(box: Box) -> rr.Boxes3D:
-    """Return how a door looks, without where it is."""
+    """Return the look of a door, without its place."""
     is_flat = box.min_m[2] == box.max_m[2]
     rgb = [round(255 * channel) for channel in box.rgba[:3]]
     return rr.Boxes3D.from_fields(
@@ -236,7 +239,7 @@ def _obstacles(boxes: list[Box]) -> rr.Boxes3D:
     )
 
 
-# In one colour, as the obstacles' own would be taken for gas.
+# In one colour, as the obstacles' own could be confused with gas.
 def _flat(
     boxes: list[Box], height_m: float, color: colors.Rgb, fill: rr.components.FillMode, radius_m: float
 ) -> rr.Boxes3D:
@@ -264,7 +267,7 @@ def _opening_look(opening: Opening) -> tuple[colors.Rgb, str]:
 # A line along a side of the room; a rectangle where it lies in floor or ceiling.
 def _flat_opening(seen: PlanOpening, height_m: float, radius_m: float) -> rr.LineStrips3D:
     color, label = _opening_look(seen.opening)
-    # Short, as it lies over the room's side: its colour says what it is.
+    # Short, as it lies over the room's side: its colour shows its kind.
     label = label.removeprefix("inlet ") if seen.is_inlet else ""
     (x0, y0), (x1, y1) = seen.corners_m
     around_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
@@ -285,12 +288,8 @@ def _draw_opening(opening: Opening) -> rr.Boxes3D:
     )
 
 
-WHITE: Rgb = (255, 255, 255)
-BLACK: Rgb = (35, 35, 38)
-
-
 def draw_shape(file: RecordingFile, entity: str, vehicle: Vehicle, color: Rgb) -> None:
-    """Draw how a vehicle looks: a hull with rotors or wheels, or a ball."""
+    """Draw the shape of a vehicle: a hull with rotors or wheels, or a ball."""
     drawing, rotors, wheels = vehicle.drawing, vehicle.rotors, vehicle.wheels
     if rotors is not None and isinstance(drawing, RotorDrawing):
         _draw_multirotor(file, entity, color, rotors, drawing)
@@ -320,7 +319,7 @@ def _draw_multirotor(
     file.draw(f"{entity}/hull", rr.Boxes3D(half_sizes=[hull_m], colors=[color], fill_mode=SOLID))
 
 
-# A ball, and a smaller white one where it looks.
+# A ball, and a smaller white one at its front.
 def _draw_ball(file: RecordingFile, entity: str, color: Rgb, radius_m: float) -> None:
     hull = rr.Ellipsoids3D(
         centers=[(0.0, 0.0, 0.0), (0.85 * radius_m, 0.0, 0.0)],
@@ -357,7 +356,7 @@ def _draw_rover(file: RecordingFile, entity: str, color: Rgb, wheels: WheelParam
 
 
 def draw_vehicle(file: RecordingFile, entity: str, agent: AgentSpec, color: Rgb, *, is_named: bool = True) -> None:
-    """Draw a vehicle in the colour of its agent, with the agent's name, or that where one points at it."""
+    """Draw a vehicle in the colour of its agent, with the agent's name; unless `is_named` only under the pointer."""
     draw_shape(file, entity, agent.vehicle.facts, color)
     file.draw(
         f"{entity}/name",

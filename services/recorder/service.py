@@ -8,7 +8,6 @@ from pathlib import Path
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.participant import Core, ParticipantSpec, Read
-from gslcosim.environment.model import Environment
 from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
@@ -16,7 +15,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import EventSpec
 from gslcosim.scenario.models.scenario import list_event_reads
 
-# The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
+# The recorder may lag far behind: writers wait for it only when its buffers would grow without bound.
 RECORDER_WINDOW_TICKS = 512
 
 
@@ -39,7 +38,7 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
 
 
 def preload_modules() -> None:
-    """Import all that recording needs, in a process that does nothing else.
+    """Import all modules of the recorder, in a process of its own.
 
     It may start threads.
     """
@@ -48,8 +47,8 @@ def preload_modules() -> None:
     _block_pandas()
 
 
-# pyarrow imports pandas, where that is installed, as soon as it converts a list: 0.2 s and 50 MB for nothing.
-# What it has found then it keeps, so that this is not for a process in which somebody's own code runs.
+# pyarrow imports pandas, if installed, at its first conversion of a list: 0.2 s and 50 MB for nothing. It keeps the
+# result of that import, so that a process with a user's code must not call this.
 def _block_pandas() -> None:
     import pyarrow
 
@@ -71,13 +70,10 @@ class _PandasBlocker:
 def _build(setup: RunSetup) -> Core:
     from gslcosim_services.recorder.core import RecorderCore
 
-    return RecorderCore(setup.scenario, _load_meshes(setup), setup.run_dir.recording)
-
-
-# The meshes of somebody's own geometry, which pictures need and no other core.
-def _load_meshes(setup: RunSetup) -> Environment:
+    # The meshes of imported geometry, which only the recording's room needs.
     has_meshes = (setup.environment_dir / MESHES_FILE).is_file()
-    return load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
+    environment = load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
+    return RecorderCore(setup.scenario, environment, setup.run_dir.recording)
 
 
 def _repair(recording: Path) -> None:

@@ -1,7 +1,7 @@
 """Table of a run's streams: name, place in the recording, component, unit, frame and writer of each.
 
-The recorder writes by it, and what reads a recording finds by it what was written: arrays and tables, plots, messages
-of ROS and recordings of several runs.
+The recorder writes by it, and all readers of recordings find their data by it: arrays and tables, plots, messages of
+ROS and recordings of several runs.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ TABLES = {
     "figures": "what referee and controllers knew",
     "services": "what services of other packages wrote",
 }
-"""Tables of `extract` that hold several streams of numbers, with what they are."""
+"""Tables of `extract` that hold several streams of numbers, with their meaning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,16 +28,16 @@ class Stream:
     """One stream of a run.
 
     Attributes:
-        name: What it is called outside the recording; of numbers the quantity.
-        entity: Path in the recording; names in braces stand for those of the run: agent, sensor, gas and so on.
-        component: Rerun's name of what holds the values.
-        meaning: What it is.
-        writer: The process whose messages it is made of.
+        name: Name outside the recording; of numbers the quantity.
+        entity: Path in the recording; braces hold the place of names of the run: agent, sensor, gas and so on.
+        component: Rerun's name of the column of values.
+        meaning: Meaning of the values.
+        writer: Process that writes the messages of the stream.
         unit: As messages have it; empty for pure numbers, texts, and where a sensor has a unit of its own.
-        frame: In which directions and places are; empty where there are none.
+        frame: Frame of directions and places; empty where there are none.
         axes: Names of the numbers of a row, where there are several.
-        table: Which of `TABLES` has it; empty: none.
-        title: What the viewer calls it.
+        table: Name of its table in `TABLES`; empty: none.
+        title: Name in the viewer.
     """
 
     name: str
@@ -53,12 +53,12 @@ class Stream:
 
     @property
     def root(self) -> str:
-        """The beginning of the path, which is the same for all of a run."""
+        """Start of the path, which is the same for all of a run."""
         return self.entity.partition("/{")[0]
 
     @property
     def is_of_agent(self) -> bool:
-        """True where each agent has one."""
+        """True if each agent has one."""
         return self.entity.startswith(f"{self.root}/{{agent}}")
 
     def at(self, **names: str) -> str:
@@ -169,7 +169,7 @@ def on_board_stream(quantity: str, unit: str) -> Stream:
 
 
 def split_values(streams: Sequence[Stream]) -> list[slice]:
-    """Return which of the values of a reading each of its streams has: as many as it has axes, without any all."""
+    """Return the slice of a reading's values of each of its streams: a value for each axis; all without axes."""
     ends = list(accumulate(len(stream.axes) for stream in streams))
     return [slice(end - len(stream.axes), end or None) for stream, end in zip(streams, ends, strict=True)]
 

@@ -29,12 +29,18 @@ Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declare
 # Depth to which a vehicle may sink into floors and walls on impact without leaving the room [m].
 CONTACT_PENETRATION_M = 0.05
 
-
 # Ends of an agent's run without success, in the order in which they count within a tick; see `find_failure`.
 FAILURES: tuple[Outcome | None, ...] = (None, "agent_failed", "collision", "out_of_bounds")
 
-
 _new_score = build_unchecked_constructor(AgentScore)
+
+_OUTCOME_TEXTS: dict[Outcome, str] = {
+    "time_limit": "has not found the source in time and stopped",
+    "collision": "has collided and stopped",
+    "agent_failed": "has failed",
+    "declared": "has declared a wrong place and stopped",
+    "out_of_bounds": "has left the room and stopped",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,9 +249,8 @@ class AgentEvaluation:
         contacts = self._forbidden_contacts(body)
         is_new = bool(contacts) and not self._is_touching
         self._is_touching = bool(contacts)
-        return (
-            [self._event("contact", f"touches {', '.join(contacts)} while {_spell_out(body.phase)}")] if is_new else []
-        )
+        phase = body.phase.replace("_", " ")
+        return [self._event("contact", f"touches {', '.join(contacts)} while {phase}")] if is_new else []
 
     # On the ground and while leaving it or coming back the floor is no collision; in the air everything is.
     def _forbidden_contacts(self, body: BodyState) -> tuple[str, ...]:
@@ -290,15 +295,6 @@ class AgentEvaluation:
         return RefereeEvent(agent=self.name, kind=kind, text=text)
 
 
-_OUTCOME_TEXTS: dict[Outcome, str] = {
-    "time_limit": "has not found the source in time and stopped",
-    "collision": "has collided and stopped",
-    "agent_failed": "has failed",
-    "declared": "has declared a wrong place and stopped",
-    "out_of_bounds": "has left the room and stopped",
-}
-
-
 @scalar_kernel
 def is_inside(point_m: Sequence[float], min_m: Sequence[float], max_m: Sequence[float]) -> bool:
     """Return whether a point (3,) is in the room, or no further out than floors and walls give way.
@@ -340,7 +336,3 @@ def find_failure(
 def is_time_over(tick: int, tick_ns: int, limit_s: float) -> bool:
     """Return whether the simulated time at the end of a tick has reached a limit [s]."""
     return seconds_from_ticks(tick, tick_ns) >= limit_s
-
-
-def _spell_out(phase: str) -> str:
-    return phase.replace("_", " ")

@@ -9,7 +9,6 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
-    AgentResult,
     BodyPoses,
     BodyState,
     Command,
@@ -193,12 +192,9 @@ class RefereeCore:
         return not going_on
 
     def _verdict(self, tick: int) -> Verdict:
-        results = tuple(self._result(case) for case in self._run.cases)
+        results = tuple(case.result(self._run.shortest_m[case.name]) for case in self._run.cases)
         has_success = any(result.success for result in results)
         return Verdict(tick=tick, end_reason="success" if has_success else self._run.last_outcome, agents=results)
-
-    def _result(self, case: AgentEvaluation) -> AgentResult:
-        return case.result(self._run.shortest_m[case.name])
 
     # To the source nearest by path, not through the air. Where a run ends at the success radius, so does the path: a
     # straight line could be shorter than the shortest path to the source itself. A rover cannot cross obstacles.
@@ -207,16 +203,19 @@ class RefereeCore:
         if reach_m is None:
             return None
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
+        # Where heights do not count, the shortest path leads to the height of the search.
+        height_m = self._heights_m[name] if self._rules.success.is_horizontal else None
         lengths_m = (
-            way_to(self._room.now, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
-            for source_m in self._run.sources_m
+            way_to(
+                self._room.now,
+                start_m,
+                (x_m, y_m, z_m if height_m is None else height_m),
+                clearance_m=CLEARANCE_M,
+                within_m=reach_m,
+            )
+            for x_m, y_m, z_m in self._run.sources_m
         )
         return min((length_m for length_m in lengths_m if length_m is not None), default=None)
-
-    # Where heights do not count, the shortest path leads to the height of the search.
-    def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
-        x_m, y_m, z_m = source_m
-        return (x_m, y_m, self._heights_m[name]) if self._rules.success.is_horizontal else (x_m, y_m, z_m)
 
 
 def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRules:

@@ -13,6 +13,8 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.scalar_kernels import norm3, scalar_kernel
 from gslcosim.contract.messages import Belief, BeliefScore
 
+Array = NDArray[np.float64]
+
 
 def distance_m(a_world_m: Vec3, b_world_m: Vec3) -> float:
     """Return the straight distance between two points [m]."""
@@ -112,9 +114,6 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
     return progress_m2 / to_source_m / path_length_m
 
 
-Array = NDArray[np.float64]
-
-
 def compute_belief_score(belief: Belief, sources_m: Sequence[Vec3], *, within_m: float) -> BeliefScore:
     """Return the figures of a belief; one with two axes is judged in the plane.
 
@@ -126,7 +125,9 @@ def compute_belief_score(belief: Belief, sources_m: Sequence[Vec3], *, within_m:
     Held by:
         tests/unit/services/referee/test_beliefs.py
     """
-    p = _check_probabilities(belief)
+    # In double precision their sum is 1 to its last digits.
+    p = belief.probability.to_array().astype(np.float64)
+    p = p / p.sum()
     distances_m = _distances_to_nearest_m(belief, sources_m)
     return BeliefScore(
         expected_distance_m=expected_distance_m(p, distances_m),
@@ -154,12 +155,6 @@ def entropy_bits(p: Array) -> float:
     """Return the entropy H = -sum p log2 p [bit] (Shannon 1948); cells without probability add nothing."""
     positive = p[p > 0.0]
     return max(0.0, float(-(positive * np.log2(positive)).sum()))
-
-
-# In double precision their sum is 1 to its last digits.
-def _check_probabilities(belief: Belief) -> Array:
-    p = belief.probability.to_array().astype(np.float64)
-    return p / p.sum()
 
 
 def _distances_to_nearest_m(belief: Belief, sources_m: Sequence[Vec3]) -> Array:

@@ -37,6 +37,8 @@ from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_UNIT
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
+FREE_MODE_NOTE = " Time does not wait for answers: they take effect when they come."
+
 
 def find_sensor_kind(scenario: Scenario, model: str) -> SensorKind:
     """Return a sensor model as it is in a scenario that may define gases of its own."""
@@ -55,7 +57,9 @@ def describe_sensors(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescri
             unit=kind.unit,
             mount_body_m=sensor.mount_m,
             mount_rpy_rad=sensor.mount_rpy_rad if isinstance(sensor, TurnedSensorSpec) else (0.0, 0.0, 0.0),
-            directions_body=_ray_directions(sensor) if isinstance(sensor, RaySensorSpec) else None,
+            directions_body=NumericArray.from_array(ray_directions_body(sensor).astype(np.float32))
+            if isinstance(sensor, RaySensorSpec)
+            else None,
         )
         for sensor, kind in kinds
     )
@@ -71,10 +75,6 @@ def describe_sensors(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescri
         if kind.estimator and kind.estimator(scenario.gas.gas)
     )
     return sensors + estimates
-
-
-def _ray_directions(sensor: RaySensorSpec) -> NumericArray:
-    return NumericArray.from_array(ray_directions_body(sensor).astype(np.float32))
 
 
 def build_known_map(agent: AgentSpec, environment: Environment) -> KnownMap | None:
@@ -125,9 +125,6 @@ def build_nominal_plume(scenario: Scenario) -> NominalPlume:
     )
 
 
-FREE_MODE_NOTE = " Time does not wait for answers: they take effect when they come."
-
-
 def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:
     """Build an agent's briefing: task, room, limits, sensors, a seed of its own, and the knowledge it is granted.
 
@@ -143,7 +140,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         contract_version=CONTRACT_VERSION,
         mission=sentence + (FREE_MODE_NOTE if agent.is_free else ""),
         tick_ns=scenario.tick_ns,
-        seed=_derive_agent_seed(agent, seed),
+        seed=int(stream(seed, f"agent.{agent.name}").integers(2**31)) if agent.seed is None else agent.seed,
         # The agent is due at its waypoints, too; the contract has no word for a request that no process waits for.
         mode="on_request" if agent.mode_name == "free" else agent.mode_name,
         latency_ticks=agent.latency_ticks,
@@ -176,10 +173,6 @@ def build_task(referee: RefereeSpec) -> Task:
         asks_for_declaration=success.asks_for_declaration,
         n_sources=success.n_sources,
     )
-
-
-def _derive_agent_seed(agent: AgentSpec, run_seed: int) -> int:
-    return int(stream(run_seed, f"agent.{agent.name}").integers(2**31)) if agent.seed is None else agent.seed
 
 
 def _describe_channels(agent: AgentSpec, scenario: Scenario) -> tuple[ChannelDescription, ...]:

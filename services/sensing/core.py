@@ -46,6 +46,9 @@ from gslcosim_services.sensing.service import sensing_spec
 
 _Key = tuple[str, str]
 
+_new_observation = build_unchecked_constructor(Observation)
+_Samples = dict[tuple[str, str], MountSample]
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Fault:
@@ -114,9 +117,6 @@ class SensorFaults:
         return reading.model_copy(update={"values": (*values, *reading.values[n:])})
 
 
-_new_observation = build_unchecked_constructor(Observation)
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Instrument:
     spec: SensorSpec
@@ -136,9 +136,6 @@ class _Instrument:
     def calibrated(self, reading: Reading) -> Reading:
         """Return a reading as calibrated by its owner for this unit in clean air."""
         return self.model.calibrated(reading) if isinstance(self.model, ImperfectSensor) else reading
-
-
-_Samples = dict[tuple[str, str], MountSample]
 
 
 @dataclass

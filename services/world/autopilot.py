@@ -45,6 +45,9 @@ MAX_TURN_S = 20.0
 
 Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
 
+# An agent in free mode that has not answered may have missed the question [s].
+REQUEST_PERIOD_S = 30.0
+
 
 class FlightStateMachine:
     """State machine of one vehicle's phases. Methods return a notice for the agent where something goes wrong.
@@ -303,10 +306,6 @@ class FlightStateMachine:
         self.hold_for(tick, self._vehicle.hold_s)
 
 
-# An agent in free mode that has not answered may have missed the question [s].
-REQUEST_PERIOD_S = 30.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class Reference:
     """Reference of a vehicle's control: a setpoint where there is one, otherwise a path; and its arming.
@@ -511,7 +510,8 @@ class Autopilot:
             case DirectControl():
                 self._state_machine.follow_setpoint(tick, task.setpoint, self._hold_s(task.hold_s))
             case GoTo():
-                self.notice = self._state_machine.follow_legs(tick, self._legs_of(task))
+                legs = task.legs_with_hold(self._usual_hold_s, is_fixed=self._agent.vehicle.hold_rule == "fixed")
+                self.notice = self._state_machine.follow_legs(tick, legs)
             case _:
                 raise AssertionError(f"expected a task to begin, was {task}")
         self._goal_notice = self.notice
@@ -533,9 +533,6 @@ class Autopilot:
         return find_refusal_from_state(
             tick, task, self._path_follower, edges, rises_to_m=rises_to_m, avoids=self._avoids
         )
-
-    def _legs_of(self, task: GoTo) -> tuple[Leg, ...]:
-        return task.legs_with_hold(self._usual_hold_s, is_fixed=self._agent.vehicle.hold_rule == "fixed")
 
     @property
     def _usual_hold_s(self) -> float:

@@ -39,6 +39,18 @@ from gslcosim_services.world.vehicle_records import VehicleCapabilities, derive_
 
 _new_body = build_unchecked_constructor(BodyState)
 
+# Contact allowed at the start: vehicles stand on the surface below them [m].
+_MIN_GAP_M = 1e-3
+# Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.
+POINT_ROBOT_STEP_MS = 20
+# A start within this of its support stands on it [m]; a higher one starts hovering in the air.
+_MAX_STANDING_HEIGHT_M = 0.5
+# Cosine to the vertical of the direction in which something carries a wheel, at least.
+_MIN_SUPPORT_COSINE = 0.7
+
+_MujocoArrays = tuple[Any, Any, Any, Any, Any, Any]
+_new_poses = build_unchecked_constructor(BodyPoses)
+
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleViews:
@@ -200,10 +212,6 @@ class SimulatedVehicle:
             vehicle_records.set_setpoint(state, reference.setpoint)
 
 
-# Contact allowed at the start: vehicles stand on the surface below them [m].
-_MIN_GAP_M = 1e-3
-
-
 def check_starts(
     agents: Sequence[AgentSpec], spaces: Sequence[FlightSpace], starts: Sequence[tuple[Vec3, bool]]
 ) -> None:
@@ -257,18 +265,6 @@ def _find_height_problem(
         return f"{name}.start_m: expected a start on the floor for a {agent.vehicle.model}, was {z_m:g} m high."
     return None
 
-
-# Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.
-POINT_ROBOT_STEP_MS = 20
-
-# A start within this of its support stands on it [m]; a higher one starts hovering in the air.
-_MAX_STANDING_HEIGHT_M = 0.5
-# Cosine to the vertical of the direction in which something carries a wheel, at least.
-_MIN_SUPPORT_COSINE = 0.7
-
-
-_MujocoArrays = tuple[Any, Any, Any, Any, Any, Any]
-_new_poses = build_unchecked_constructor(BodyPoses)
 
 register_mujoco_state()
 

@@ -252,7 +252,8 @@ class RoutePlanner:
         free_m = self.nearest_free_m(start_m)
         if free_m is None:
             return None
-        points_m = self._route_3d(free_m, goal_m) if self.mode == "3d" else self._route_2d(free_m, goal_m)
+        is_3d = self.mode == "3d"
+        points_m = _points(self.free.path(free_m, goal_m)) if is_3d else self._route_2d(free_m, goal_m)
         if points_m is None or free_m == start_m:
             return points_m
         return [start_m, *points_m]
@@ -265,9 +266,6 @@ class RoutePlanner:
             return self.free.nearest_m(start_m, in_sight=True)
         place_m = self._slab(start_m[2], start_m[2]).nearest_m(_flat(start_m), in_sight=True)
         return None if place_m is None else (place_m[0], place_m[1], start_m[2])
-
-    def _route_3d(self, start_m: Vec3, goal_m: Vec3) -> list[Vec3] | None:
-        return _points(self.free.path(start_m, goal_m))
 
     def _route_2d(self, start_m: Vec3, goal_m: Vec3) -> list[Vec3] | None:
         (x0, y0, z0), (x1, y1, z1) = start_m, goal_m

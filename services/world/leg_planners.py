@@ -29,6 +29,16 @@ AT_REST: Vec3 = (0.0, 0.0, 0.0)
 # Fractions of a path's duration at which it is sampled.
 _CHECKED_FRACTIONS = np.linspace(0.1, 1.0, 10).tolist()
 
+# A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
+# that drives stops for that only beyond the other.
+MIN_TURN_RAD = 0.1
+MIN_STOP_TURN_RAD = 1.0
+# Time of a turn beyond its angle at full rate: speeding up, slowing down and settling [s].
+TURN_SETTLING_S = 1.2
+# Nearer than this it is there already [m].
+_GOAL_TOLERANCE_M = 0.02
+_STANDSTILL_SPEED_M_S = 0.01
+
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
@@ -169,17 +179,6 @@ def warm_up_leg_planning() -> None:
     deviates_too_far(np.zeros((3, 6)), 1.0, np.zeros(3), np.ones(3), 1.0)
 
 
-# A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
-# that drives stops for that only beyond the other.
-MIN_TURN_RAD = 0.1
-MIN_STOP_TURN_RAD = 1.0
-# Time of a turn beyond its angle at full rate: speeding up, slowing down and settling [s].
-TURN_SETTLING_S = 1.2
-# Nearer than this it is there already [m].
-_GOAL_TOLERANCE_M = 0.02
-_STANDSTILL_SPEED_M_S = 0.01
-
-
 @dataclass(frozen=True, kw_only=True)
 class RoverPlanner:
     """Plans for vehicles that move along their heading; heights of places and velocities are left out."""
@@ -205,7 +204,9 @@ class RoverPlanner:
         return (path, False) if (u, v) == (0.0, 0.0) else self._prepared(path, motion, tick)
 
     def _prepared(self, path: Trajectory, motion: MotionState, tick: int) -> tuple[Trajectory, bool]:
-        direction_rad = _first_direction_rad(path)
+        # At the very start a path from rest has no direction yet.
+        velocity: NDArray[np.float64] = path.state_after(0.05 * path.duration_s)[1]
+        direction_rad = math.atan2(float(velocity[1]), float(velocity[0]))
         off_rad = abs(math.remainder(direction_rad - motion.yaw_rad, 2 * math.pi))
         is_standing = math.hypot(*motion.state[1]) < _STANDSTILL_SPEED_M_S
         if off_rad <= (MIN_TURN_RAD if is_standing else MIN_STOP_TURN_RAD):
@@ -230,9 +231,3 @@ def _on_ground(leg: Leg, height_m: float) -> Leg:
         velocity_world_m_s=(u, v, 0.0),
         acceleration_world_m_s2=(a, b, 0.0),
     )
-
-
-# At the very start a path from rest has no direction yet.
-def _first_direction_rad(path: Trajectory) -> float:
-    velocity: NDArray[np.float64] = path.state_after(0.05 * path.duration_s)[1]
-    return math.atan2(float(velocity[1]), float(velocity[0]))

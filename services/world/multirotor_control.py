@@ -20,6 +20,18 @@ from gslcosim.scenario.models.events import RotorWeakensSpec
 from gslcosim.scenario.models.scenario import find_due_events
 from gslcosim_services.world.trajectory import polynomial_at
 
+# Source of a vehicle's reference: a path, or the agent's setpoint.
+PATH = 0
+ATTITUDE = 1
+RATES = 2
+DRIVE = 3
+# Bounds of the vertical specific force, in units of gravity: the vehicle never pushes downwards.
+_MIN_LIFT = 0.3
+_MAX_LIFT = 1.7
+_HEADING_GAIN_S = 3.0
+_MIN_PATH_SPEED_M_S = 0.05
+_HEADING_TOLERANCE_RAD = 1e-6
+
 
 @numba.njit(cache=True, nogil=True)
 def lagged_rotor_speed(vehicle, speed, command):
@@ -135,21 +147,6 @@ class RotorFaults:
             if isinstance(event, RotorWeakensSpec):
                 k, i = self._number[event.agent], event.rotor
                 self._constants["wrench_from_thrusts"][k, :, i] = event.share * self._sound[k, :, i]
-
-
-# Source of a vehicle's reference: a path, or the agent's setpoint.
-PATH = 0
-ATTITUDE = 1
-RATES = 2
-DRIVE = 3
-
-# Bounds of the vertical specific force, in units of gravity: the vehicle never pushes downwards.
-_MIN_LIFT = 0.3
-_MAX_LIFT = 1.7
-
-_HEADING_GAIN_S = 3.0
-_MIN_PATH_SPEED_M_S = 0.05
-_HEADING_TOLERANCE_RAD = 1e-6
 
 
 @numba.njit(cache=True, nogil=True)

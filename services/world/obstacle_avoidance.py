@@ -136,7 +136,7 @@ class ObstacleAvoidance:
 
     def _along(self, leg: Leg, points_m: list[Vec3]) -> list[Leg]:
         legs: list[Leg] = []
-        state, left_s = _at_rest(points_m[0]), leg.after_s
+        state, left_s = np.array([points_m[0], AT_REST, AT_REST]), leg.after_s
         for i, place_m in enumerate(points_m[1:-1], start=1):
             bend = self._corner(_bend_leg(leg, place_m), state, points_m[i - 1], points_m[i + 1])
             path, state = self._path(bend, state), bend.end
@@ -180,10 +180,6 @@ class ObstacleAvoidance:
 
 def _bend_leg(leg: Leg, place_m: Vec3) -> Leg:
     return Leg(name=leg.name, place_world_m=place_m, heading=leg.heading, is_bend=True)
-
-
-def _at_rest(place_m: Vec3) -> NDArray[np.float64]:
-    return np.array([place_m, AT_REST, AT_REST])
 
 
 def _is_moving(state: NDArray[np.float64]) -> bool:

@@ -16,6 +16,16 @@ from gslcosim_services.world.leg_planners import AT_REST, FlightPlanner, Leg, Le
 from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading, Trajectory, plan_rest, plan_to_velocity
 from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilities
 
+# Tolerances of an arrival at a waypoint, and the longest time for it after the end of the trajectory.
+ARRIVAL_RADIUS_M = 0.15
+ARRIVAL_SPEED_M_S = 0.2
+ARRIVAL_TIMEOUT_S = 10.0
+BACK_OFF_M = 0.1
+# A vehicle that lies on its side or back this long, and hardly moves, will not get up.
+OVERTURNED_COSINE = 0.3
+OVERTURNED_AFTER_S = 1.0
+OVERTURNED_NOTICE = "vehicle: expected to stand upright, was lying on its side or back; it cannot move any more."
+
 
 class PathFollower:
     """Path follower of one vehicle, without tasks, phases and obstacles; see `autopilot`.
@@ -185,18 +195,6 @@ class PathFollower:
         self.kept_velocity_m_s = None
         self.is_preparing = False
         self.setpoint = None
-
-
-# Tolerances of an arrival at a waypoint, and the longest time for it after the end of the trajectory.
-ARRIVAL_RADIUS_M = 0.15
-ARRIVAL_SPEED_M_S = 0.2
-ARRIVAL_TIMEOUT_S = 10.0
-BACK_OFF_M = 0.1
-# A vehicle that lies on its side or back this long, and hardly moves, will not get up.
-OVERTURNED_COSINE = 0.3
-OVERTURNED_AFTER_S = 1.0
-
-OVERTURNED_NOTICE = "vehicle: expected to stand upright, was lying on its side or back; it cannot move any more."
 
 
 def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "passed", "there", "late"]:

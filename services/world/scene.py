@@ -22,6 +22,29 @@ from gslcosim.vehicles import Vehicle
 _TOLERANCE = 1e-6
 _REACH_TOLERANCE = 0.05
 
+# The part of a vehicle on wheels that must touch nothing; a site and a sensor of touch have its name.
+HULL = "hull"
+# Parts that a vehicle stands and drives on.
+_ROLLING_PARTS = ("wheel_left", "wheel_right", "caster")
+# Free bodies and wheels with contacts are all there is: the rest of the pipeline is switched off. Autoreset would hide
+# a state that exploded.
+_DISABLED_FEATURES = (
+    mujoco.mjtDisableBit.mjDSBL_EQUALITY
+    | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    | mujoco.mjtDisableBit.mjDSBL_SPRING
+    | mujoco.mjtDisableBit.mjDSBL_DAMPER
+    | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    | mujoco.mjtDisableBit.mjDSBL_SENSOR
+    | mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+    | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    | mujoco.mjtDisableBit.mjDSBL_ISLAND
+)
+# All that integration depends on: time, positions, velocities, forces that are applied, and where the solver starts.
+_MUJOCO_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+# Values of the previous step that our own control reads.
+_SAVED_ARRAYS = ("qacc", "qfrc_constraint", "sensordata")
+
 
 def load_body_spec(vehicle: Vehicle) -> mujoco.MjSpec:
     """Return a fresh MJCF specification with the one body of a vehicle, named `body`."""
@@ -53,7 +76,8 @@ def half_height_m(model: mujoco.MjModel, root: int) -> float:
     Args:
         root: Index of the vehicle's body in it.
     """
-    return max(_depth_m(model, i, root) for i in range(model.ngeom) if _find_root(model, i) == root)
+    geoms = [i for i in range(model.ngeom) if model.body_rootid[model.geom_bodyid[i]] == root]
+    return max(_depth_m(model, i, root) for i in geoms)
 
 
 # geom_aabb is centre and half size in the geom's frame.
@@ -63,10 +87,6 @@ def _depth_m(model: mujoco.MjModel, geom: int, root: int) -> float:
     if body != root:
         height_m += float(model.body_pos[body][2])
     return float(model.geom_aabb[geom][5]) - height_m
-
-
-def _find_root(model: mujoco.MjModel, geom: int) -> int:
-    return int(model.body_rootid[model.geom_bodyid[geom]])
 
 
 def _missing_parts(vehicle: Vehicle, model: mujoco.MjModel) -> Iterator[str]:
@@ -134,27 +154,6 @@ def _position_differences(what: str, declared: tuple[float, float, float], compi
     if any(abs(a - float(b)) > _TOLERANCE for a, b in zip(declared, compiled, strict=True)):
         shown = ", ".join(f"{float(b):g}" for b in compiled)
         yield f"{what}: expected [{shown}], as the MJCF has it, was [{', '.join(f'{a:g}' for a in declared)}]."
-
-
-# The part of a vehicle on wheels that must touch nothing; a site and a sensor of touch have its name.
-HULL = "hull"
-# Parts that a vehicle stands and drives on.
-_ROLLING_PARTS = ("wheel_left", "wheel_right", "caster")
-
-# Free bodies and wheels with contacts are all there is: the rest of the pipeline is switched off. Autoreset would hide
-# a state that exploded.
-_DISABLED_FEATURES = (
-    mujoco.mjtDisableBit.mjDSBL_EQUALITY
-    | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
-    | mujoco.mjtDisableBit.mjDSBL_LIMIT
-    | mujoco.mjtDisableBit.mjDSBL_SPRING
-    | mujoco.mjtDisableBit.mjDSBL_DAMPER
-    | mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    | mujoco.mjtDisableBit.mjDSBL_SENSOR
-    | mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-    | mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    | mujoco.mjtDisableBit.mjDSBL_ISLAND
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,12 +254,6 @@ class DoorGeoms:
         for name, i in self._geoms.items():
             # As all boxes of the room, by MuJoCo's default.
             self._model.geom_contype[i] = self._model.geom_conaffinity[i] = int(name in closed)
-
-
-# All that integration depends on: time, positions, velocities, forces that are applied, and where the solver starts.
-_MUJOCO_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-# Values of the previous step that our own control reads.
-_SAVED_ARRAYS = ("qacc", "qfrc_constraint", "sensordata")
 
 
 def register_mujoco_state() -> None:

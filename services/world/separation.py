@@ -19,6 +19,25 @@ from gslcosim_services.world.obstacle_avoidance import ObstacleAvoidance
 from gslcosim_services.world.path_follower import ARRIVAL_RADIUS_M, PathFollower
 from gslcosim_services.world.trajectory import Limits, Trajectory, plan_to_velocity
 
+# Look-ahead of vehicles [s]. Chosen: at 1 m/s each, two of them detect one another 8 m apart.
+HORIZON_S = 4.0
+# Cost of a second less until a meeting, against the deviation from the desired velocity [m]; chosen.
+_CONFLICT_COST_M = 3.0
+_MIN_CONFLICT_TIME_S = 0.05
+# Turns away from the desired direction [rad], to the right first: of equally good ones the first is taken.
+_TURNS_RAD = tuple(side * i * math.pi / 8 for i in range(9) for side in ((-1, 1) if 0 < i < 8 else (-1,)))
+_SPEED_FRACTIONS = (1.0, 0.5)
+# Factors from a desired velocity to the candidates, (k, 3) cosine, sine and fraction of the climb: all turns at full
+# and at half speed, then none.
+_CANDIDATE_FACTORS = np.array(
+    [(share * math.cos(a), share * math.sin(a), share) for share in _SPEED_FRACTIONS for a in _TURNS_RAD]
+    + [(0.0, 0.0, 0.0)]
+)
+# Longest time for which a vehicle makes way for others on one leg, before it holds.
+MAX_EVASION_S = 20.0
+# The middle of a vehicle and its sides, in radii.
+_HULL_OFFSETS = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
+
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _pair_time_to_conflict_s(p_x, p_y, p_z, u, v, w, least_m):
@@ -129,22 +148,6 @@ def passing_costs(
     return costs
 
 
-# Look-ahead of vehicles [s]. Chosen: at 1 m/s each, two of them detect one another 8 m apart.
-HORIZON_S = 4.0
-# Cost of a second less until a meeting, against the deviation from the desired velocity [m]; chosen.
-_CONFLICT_COST_M = 3.0
-_MIN_CONFLICT_TIME_S = 0.05
-# Turns away from the desired direction [rad], to the right first: of equally good ones the first is taken.
-_TURNS_RAD = tuple(side * i * math.pi / 8 for i in range(9) for side in ((-1, 1) if 0 < i < 8 else (-1,)))
-_SPEED_FRACTIONS = (1.0, 0.5)
-# Factors from a desired velocity to the candidates, (k, 3) cosine, sine and fraction of the climb: all turns at full
-# and at half speed, then none.
-_CANDIDATE_FACTORS = np.array(
-    [(share * math.cos(a), share * math.sin(a), share) for share in _SPEED_FRACTIONS for a in _TURNS_RAD]
-    + [(0.0, 0.0, 0.0)]
-)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Neighbours:
     """All vehicles as one of them sees them; `own` is its index.
@@ -209,12 +212,6 @@ def _candidate_velocities(wanted_m_s: Vec3) -> NDArray[np.float64]:
     u, v, w = wanted_m_s
     cosine, sine, share = _CANDIDATE_FACTORS.T
     return np.stack([cosine * u - sine * v, sine * u + cosine * v, share * w], axis=1)
-
-
-# Longest time for which a vehicle makes way for others on one leg, before it holds.
-MAX_EVASION_S = 20.0
-# The middle of a vehicle and its sides, in radii.
-_HULL_OFFSETS = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
 
 
 class Evasion:

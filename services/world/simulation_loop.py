@@ -38,6 +38,11 @@ from gslcosim_services.world.multirotor_control import (
 )
 from gslcosim_services.world.rover_control import step_rover_inplace
 
+# Beyond these a state has exploded: [m], [m/s], [rad/s].
+_MAX_POSITION_M = 1e5
+_MAX_SPEED_M_S = 200.0
+_MAX_RATE_RAD_S = 500.0
+
 
 @intrinsic
 def call_step(typingctx, function_address, model_address, data_address):
@@ -74,12 +79,6 @@ def find_step_address() -> int:
             if address:
                 return address
     raise ModelError(f"mujoco {mujoco.__version__}: expected its shared library beside the package.\nFolder: {folder}")
-
-
-# Beyond these a state has exploded: [m], [m/s], [rad/s].
-_MAX_POSITION_M = 1e5
-_MAX_SPEED_M_S = 200.0
-_MAX_RATE_RAD_S = 500.0
 
 
 @numba.njit(cache=True, nogil=True)

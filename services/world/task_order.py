@@ -10,6 +10,9 @@ from gslcosim.base.scalar_kernels import scalar_kernel
 # Fates of a task.
 REFUSE, STOP, DEFER, DROP, RISE, ACCEPT = range(6)
 
+# Events that a tick is watched for.
+NOTHING, PREPARATION, EDGE, ARRIVAL = range(4)
+
 
 @scalar_kernel
 def find_answer(is_refused: bool, is_hold: bool, is_taking_off: bool, has_to_rise: bool) -> int:
@@ -43,10 +46,6 @@ def find_deferred_answer(is_taking_off: bool, is_holding: bool) -> int:
     if is_taking_off:
         return DEFER
     return ACCEPT if is_holding else DROP
-
-
-# Events that a tick is watched for.
-NOTHING, PREPARATION, EDGE, ARRIVAL = range(4)
 
 
 @scalar_kernel

@@ -31,6 +31,18 @@ _N_DEVIATION_SAMPLES = 10
 _ALLOWED_BRAKING_DISTANCES = 2.0
 _ALLOWED_DEVIATION_M = 0.25
 
+# No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
+MIN_DURATION_S = 0.2
+DURATION_GROWTH = 1.04
+_N_DURATIONS = 250
+# Slightly more than the limit, so that rounding never rejects a path that a full check accepts.
+_ROUNDING_MARGIN = 1.0 + 1e-9
+# Compiled functions take positional arguments only: values of the flag of `plan_quickest_inplace`.
+_TO_POINT, _TO_VELOCITY = False, True
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+# Ticks and durations that differ by less are the same instant.
+_TIME_TOLERANCE_S = 1e-9
+
 
 @numba.njit(cache=True, nogil=True)
 def rest_to_rest_duration(distance_m, max_speed_m_s, max_acceleration_m_s2):
@@ -274,14 +286,6 @@ def peak_speed_and_acceleration(coefficients, duration_s):
     return math.sqrt(peak_speed), math.sqrt(peak_acceleration)
 
 
-# No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
-MIN_DURATION_S = 0.2
-DURATION_GROWTH = 1.04
-_N_DURATIONS = 250
-# Slightly more than the limit, so that rounding never rejects a path that a full check accepts.
-_ROUNDING_MARGIN = 1.0 + 1e-9
-
-
 @numba.njit(cache=True, nogil=True)
 def _limit_excess(coefficients, duration_s, speed_limit, acceleration_limit, allowed):
     """Return the greater of a polynomial's peaks in units of its limits; infinity where few samples exceed them.
@@ -394,13 +398,6 @@ def _whole_steps(duration_s, step_s):
     if step_s == 0.0:
         return duration_s
     return max(1.0, math.ceil(duration_s / step_s - 1e-6)) * step_s
-
-
-# Compiled functions take positional arguments only: values of the flag of `plan_quickest_inplace`.
-_TO_POINT, _TO_VELOCITY = False, True
-_ZERO: Vec3 = (0.0, 0.0, 0.0)
-# Ticks and durations that differ by less are the same instant.
-_TIME_TOLERANCE_S = 1e-9
 
 
 @scalar_kernel

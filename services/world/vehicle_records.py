@@ -23,6 +23,74 @@ _PLANNED_ACCELERATION_FRACTION = 0.9
 # Air drag may take up to this fraction of that.
 _MAX_DRAG_FRACTION = 0.5
 
+Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
+# Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
+CONSTANTS = np.dtype(
+    [
+        ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
+        ("i_qvel", np.int64),
+        ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
+        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as commanded and the air does not
+        ("has_wheels", np.int64),
+        ("mass_kg", np.float64),
+        ("gravity_m_s2", np.float64),
+        ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
+        ("n_rotors", np.int64),  # entries beyond the number of rotors are 0
+        ("wrench_from_thrusts", np.float64, (4, MAX_ROTORS)),  # rows thrust, torque xyz; columns rotors
+        ("thrusts_from_wrench", np.float64, (MAX_ROTORS, 4)),
+        ("thrust_coefficient_n_s2", np.float64),
+        ("max_rotor_speed_rad_s", np.float64),
+        ("response_up", np.float64),  # fraction of a speed difference that is closed in one sub-step
+        ("response_down", np.float64),
+        ("rotor_drag_n_s2_m", np.float64, (3,)),
+        ("half_density_drag_area_kg_m", np.float64, (3,)),
+        ("expected_drag_s", np.float64),  # horizontal rotor drag in hover per mass and speed [1/s]
+        ("position_gain_s2", np.float64),
+        ("velocity_gain_s", np.float64),
+        ("integral_gain_s3", np.float64),
+        ("integral_limit_m_s2", np.float64),
+        ("max_tilt_tangent", np.float64),
+        ("attitude_gain_s2", np.float64, (3,)),
+        ("rate_gain_s", np.float64, (3,)),
+        ("max_yaw_rate_rad_s", np.float64),
+        ("wheel_radius_m", np.float64),
+        ("half_track_m", np.float64),
+        ("max_speed_m_s", np.float64),
+        ("max_acceleration_m_s2", np.float64),
+        ("max_wheel_torque_n_m", np.float64),
+        ("wheel_gain_n_m_s", np.float64),
+        ("wheel_integral_gain_n_m", np.float64),
+        ("along_gain_s", np.float64),
+        ("across_gain_m2", np.float64),
+        ("heading_gain_s", np.float64),
+    ]
+)
+_CONSTANT_NAMES = frozenset(CONSTANTS.names or ())
+# State of one vehicle beside MuJoCo's own, and the reference it follows.
+STATE = np.dtype(
+    [
+        ("is_armed", np.int64),
+        ("rotor_speed_rad_s", np.float64, (MAX_ROTORS,)),
+        ("integral_m_s2", np.float64, (3,)),
+        ("start_tick", np.int64),
+        ("coefficients", np.float64, (3, 6)),
+        ("duration_s", np.float64),
+        ("end_world_m", np.float64, (3,)),
+        ("end_velocity_world_m_s", np.float64, (3,)),
+        ("yaw_rad", np.float64),  # reference of the heading, its rate, and where it goes
+        ("yaw_rate_rad_s", np.float64),
+        ("wanted_yaw_rad", np.float64),
+        ("faces_path", np.int64),
+        ("control", np.int64),  # PATH, ATTITUDE, RATES or DRIVE
+        ("setpoint", np.float64, (3,)),  # roll, pitch, yaw [rad]; rates [rad/s]; speed [m/s] and turn [rad/s]
+        ("thrust_n", np.float64),  # of the setpoint; below 0: as much as keeps the vertical speed
+        ("climb_m_s", np.float64),
+        ("drive_speed_m_s", np.float64),  # what the wheels are to reach now
+        ("drive_turn_rad_s", np.float64),
+        ("wheel_integral_n_m", np.float64, (2,)),
+    ]
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCapabilities:
@@ -76,78 +144,6 @@ def _feasible_limits(spec: VehicleSpec, model: Vehicle, constants: Any) -> Limit
     speed_m_s = min(speed_m_s, _MAX_DRAG_FRACTION * reach_m_s2 / drag_s if drag_s > 0 else math.inf)
     acceleration_m_s2 = min(acceleration_m_s2, reach_m_s2 - drag_s * speed_m_s)
     return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)
-
-
-Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
-
-# Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
-CONSTANTS = np.dtype(
-    [
-        ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
-        ("i_qvel", np.int64),
-        ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
-        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as commanded and the air does not
-        ("has_wheels", np.int64),
-        ("mass_kg", np.float64),
-        ("gravity_m_s2", np.float64),
-        ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
-        ("n_rotors", np.int64),  # entries beyond the number of rotors are 0
-        ("wrench_from_thrusts", np.float64, (4, MAX_ROTORS)),  # rows thrust, torque xyz; columns rotors
-        ("thrusts_from_wrench", np.float64, (MAX_ROTORS, 4)),
-        ("thrust_coefficient_n_s2", np.float64),
-        ("max_rotor_speed_rad_s", np.float64),
-        ("response_up", np.float64),  # fraction of a speed difference that is closed in one sub-step
-        ("response_down", np.float64),
-        ("rotor_drag_n_s2_m", np.float64, (3,)),
-        ("half_density_drag_area_kg_m", np.float64, (3,)),
-        ("expected_drag_s", np.float64),  # horizontal rotor drag in hover per mass and speed [1/s]
-        ("position_gain_s2", np.float64),
-        ("velocity_gain_s", np.float64),
-        ("integral_gain_s3", np.float64),
-        ("integral_limit_m_s2", np.float64),
-        ("max_tilt_tangent", np.float64),
-        ("attitude_gain_s2", np.float64, (3,)),
-        ("rate_gain_s", np.float64, (3,)),
-        ("max_yaw_rate_rad_s", np.float64),
-        ("wheel_radius_m", np.float64),
-        ("half_track_m", np.float64),
-        ("max_speed_m_s", np.float64),
-        ("max_acceleration_m_s2", np.float64),
-        ("max_wheel_torque_n_m", np.float64),
-        ("wheel_gain_n_m_s", np.float64),
-        ("wheel_integral_gain_n_m", np.float64),
-        ("along_gain_s", np.float64),
-        ("across_gain_m2", np.float64),
-        ("heading_gain_s", np.float64),
-    ]
-)
-
-_CONSTANT_NAMES = frozenset(CONSTANTS.names or ())
-
-# State of one vehicle beside MuJoCo's own, and the reference it follows.
-STATE = np.dtype(
-    [
-        ("is_armed", np.int64),
-        ("rotor_speed_rad_s", np.float64, (MAX_ROTORS,)),
-        ("integral_m_s2", np.float64, (3,)),
-        ("start_tick", np.int64),
-        ("coefficients", np.float64, (3, 6)),
-        ("duration_s", np.float64),
-        ("end_world_m", np.float64, (3,)),
-        ("end_velocity_world_m_s", np.float64, (3,)),
-        ("yaw_rad", np.float64),  # reference of the heading, its rate, and where it goes
-        ("yaw_rate_rad_s", np.float64),
-        ("wanted_yaw_rad", np.float64),
-        ("faces_path", np.int64),
-        ("control", np.int64),  # PATH, ATTITUDE, RATES or DRIVE
-        ("setpoint", np.float64, (3,)),  # roll, pitch, yaw [rad]; rates [rad/s]; speed [m/s] and turn [rad/s]
-        ("thrust_n", np.float64),  # of the setpoint; below 0: as much as keeps the vertical speed
-        ("climb_m_s", np.float64),
-        ("drive_speed_m_s", np.float64),  # what the wheels are to reach now
-        ("drive_turn_rad_s", np.float64),
-        ("wheel_integral_n_m", np.float64, (2,)),
-    ]
-)
 
 
 def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: str, dt_s: float) -> None:

@@ -7,11 +7,10 @@ import math
 import numba
 import numpy as np
 
-# Each part of a step is a short loop over a batch, so that vector instructions do it for several filaments at once.
-# A compiler uses them only where it knows that what is written is not what is read next. That is why the numbers of
-# a batch stand in few flat arrays at constant distances: those of the x axis side by side, those of y a BATCH further
-# and those of z another: x of filament p at p, y at Y + p, z at Z + p.
-# A batch's numbers stay in the first cache.
+# Each part of a step is a short loop over a batch, so that vector instructions do it for several filaments at once. A
+# compiler uses them only if it can prove that a write does not change the next read. Therefore the numbers of a batch
+# are in few flat arrays at constant distances: those of the x axis side by side, those of y a BATCH further and those
+# of z another: x of filament p at p, y at Y + p, z at Z + p. A batch's numbers stay in the first cache.
 BATCH = 128
 Y = BATCH
 Z = 2 * BATCH

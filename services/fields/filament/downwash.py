@@ -25,8 +25,10 @@ PROFILE = math.sqrt(2.0) - 1.0
 # Beyond these the jet is slower than the room's air.
 REACH_BELOW = 20.0
 REACH_ASIDE = 4.0
-# A filament crosses no more than this share of a motor distance before its wind is looked at again.
+# A filament crosses at most this fraction of a motor distance between two evaluations of the jet.
 MAX_MOVE = 0.25
+
+AIR_KG_M3 = 1.204
 
 
 @numba.njit(cache=True, nogil=True)
@@ -79,7 +81,7 @@ def blow_filaments_inplace(
         step_s: Length of the gas step [s].
 
     Left out:
-        The jet's turn along the floor, what flows in above, its tilt with the vehicle, and what the anemometer feels.
+        The jet's turn along the floor, the inflow above, its tilt with the vehicle, and its wind at the anemometer.
     Held by:
         tests/unit/services/fields/filament/test_downwash.py
     """
@@ -106,16 +108,13 @@ def blow_filaments_inplace(
                 left_s -= part_s
 
 
-AIR_KG_M3 = 1.204
-
-
 def outflow_m_s(vehicle: Vehicle) -> float:
     """Return the speed of the air at a rotor's disc in hover [m/s]; 0 for a vehicle without rotors.
 
     Uj = sqrt(m g / n / (2 rho pi R^2))
     [m/s] = sqrt([kg] [m/s2] / ([kg/m3] [m2]))
 
-    Source: momentum theory of one of n rotors, each of which carries its share of the weight.
+    Source: momentum theory of one of n rotors, each of which carries an equal part of the weight.
     Deviation: gaden_core multiplies the weight by four instead.
     Held by: tests/unit/services/fields/filament/test_downwash.py
     """
@@ -149,7 +148,7 @@ class Downwash:
 
     @property
     def is_on(self) -> bool:
-        """True where there is a vehicle that blows."""
+        """True if there is a vehicle with a jet."""
         return bool(self._blowing)
 
     def compute_jets(self, bodies: BodyPoses) -> Jets:

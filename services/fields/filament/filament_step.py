@@ -36,8 +36,12 @@ from gslcosim_services.fields.filament.counter_rng import (
 FREE_CELL = 0
 OUTLET = 2
 
-# A traced point keeps this share of a cell's edge away from the cell's faces, so that rounding cannot move it across.
+# Distance of a traced point from the cell's faces, as a fraction of its edge, so that rounding cannot move it across.
 FACE_MARGIN = 1e-7
+
+_ONE = np.float32(1.0)
+_1, _2, _3, _4, _5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+NOT_FINITE = -1
 
 
 @numba.njit(cache=True, nogil=True)
@@ -55,7 +59,7 @@ def _clamped(coordinate_m, origin_m, cell_m, i):
 
 @numba.njit(cache=True, nogil=True)
 def _time_to_face(coordinate_m, displacement_m, origin_m, cell_m, i):
-    # Share of the displacement after which the coordinate reaches the face ahead of it.
+    # Fraction of the displacement after which the coordinate reaches the face ahead of it.
     if displacement_m > 0.0:
         return max(0.0, (origin_m + (i + 1) * cell_m - coordinate_m) / displacement_m)
     if displacement_m < 0.0:
@@ -168,10 +172,6 @@ def is_step_in_free_air(occupancy, i0, j0, k0, i1, j1, k1):
     return True
 
 
-_ONE = np.float32(1.0)
-_1, _2, _3, _4, _5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
-
-
 @numba.njit(cache=True, nogil=True)
 def positions_in_cells(position_m, origin_m, cell_m, place):
     """Write the positions of filaments in units of cells, counted from the corner of the grid.
@@ -269,7 +269,7 @@ def wind_at_filaments_in_flat_grid(velocity_m_s, origin_m, cell_m, position_m, w
 
 @numba.njit(cache=True, nogil=True)
 def find_reach(is_open, cell_m, n, cell, work):
-    """Look up how far filaments may move without meeting a wall: a cell where all neighbours are free, else nothing.
+    """Find the distance that filaments may move without meeting a wall: a cell if all its neighbours are free, else 0.
 
     A place on a face may count to either cell here: from both, the neighbours of neighbours are out of reach.
 
@@ -292,7 +292,7 @@ def find_reach(is_open, cell_m, n, cell, work):
 
 @numba.njit(cache=True, nogil=True)
 def age_filaments(birth_steps, source_index, source_sigma_m, step, step_s, noise_std_m, growth_m2_s, work):
-    """Compute how long filaments move in a step, how far eddies carry them and how large they are after it.
+    """Compute the time that filaments move in a step, their random displacement, and their size after the step.
 
     sigma = sqrt(sigma0^2 + gamma age);   dt = min(age, step);   eta = eta of a step * sqrt(dt / step)
 
@@ -329,7 +329,7 @@ def age_filaments(birth_steps, source_index, source_sigma_m, step, step_s, noise
 # checked anyway.
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def find_rise(sigma_m, source_index, source_buoyancy, power, work):
-    """Compute how fast filaments rise relative to the air, b / sigma^q.
+    """Compute the upward velocity of filaments relative to the air, b / sigma^q.
 
     Args:
         sigma_m: (n,) standard deviations at the step's start [m]; n at most BATCH.
@@ -364,7 +364,7 @@ def displacement_m(wind_m_s, work, p):
 
 @numba.njit(cache=True, nogil=True)
 def displace_filaments(position_m, wind_m_s, cell_m, work):
-    """Move filaments as if there were no walls, and mark those of which this is the truth.
+    """Move filaments as if there were no walls, and mark those that walls cannot affect.
 
     Free is what stays within its reach or within its cell. A place within FACE_MARGIN of a face counts as bounded, so
     rounding cannot put a filament into another cell than the exact look at walls would.
@@ -392,9 +392,6 @@ def displace_filaments(position_m, wind_m_s, cell_m, work):
         work[FATE + p] = FREE if is_near | stays else BOUNDED
 
 
-NOT_FINITE = -1
-
-
 @numba.njit(cache=True, nogil=True)
 def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez):
     # The wind's part (a) slides along walls, the eddies' part (e) is reflected by them. Most steps meet none.
@@ -414,7 +411,7 @@ def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, e
 
 @numba.njit(cache=True, nogil=True)
 def _list_bounded(work, n, bounded):
-    # Counting without a branch: which filaments are bounded cannot be foretold.
+    # Counting without a branch, which would be unpredictable.
     n_bounded = 0
     for p in range(n):
         bounded[n_bounded] = p
@@ -424,7 +421,7 @@ def _list_bounded(work, n, bounded):
 
 @numba.njit(cache=True, nogil=True)
 def _move_bounded(occupancy, origin_m, cell_m, position_m, wind_m_s, bounded, work):
-    # Returns how many left the room.
+    # Returns the number of filaments that left the room.
     n_gone = 0
     for p in bounded:
         ax, ay, az, ex, ey, ez = displacement_m(wind_m_s, work, p)
@@ -451,7 +448,7 @@ def _store_all(position_m, sigma_m, work):
 
 @numba.njit(cache=True, nogil=True)
 def _compact_remaining(position_m, sigma_m, birth_steps, filament_id, source_index, first, n, n_left, work):
-    # Moves what stays of the batch up to the end of what stayed before; returns the new end.
+    # Moves the batch's remaining filaments behind those of earlier batches; returns the new end.
     for p in range(n):
         if work[FATE + p] == LEFT:
             continue
@@ -478,9 +475,9 @@ def move_filaments_inplace(
     sigma^2 = sigma0^2 + gamma age
     [m2] = [m2] + [m2/s] [s]
 
-    A filament born within the step moves for the rest of it only (eta then with the root of the rest's share), so the
-    plume does not depend on dt through birth.
-    The number xi depends on (key, step, filament id, axis) alone: not on the order or number of filaments.
+    A filament born within the step moves for the rest of it only (eta then with the root of the remaining fraction), so
+    the plume does not depend on dt through birth. The number xi depends on (key, step, filament id, axis) alone: not on
+    the order or number of filaments.
 
     Args:
         position_world_m: (>= n, 3) filament centres, world frame, xyz [m]; modified.

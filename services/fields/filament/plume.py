@@ -28,6 +28,11 @@ _GADEN_3_GRAVITY_M_S2 = 9.8
 _GADEN_3_AIR_KG_M3 = 1.205
 _GADEN_3_VISCOSITY_PA_S = 19e-6
 
+WindAt = Callable[[float], NDArray[np.float32]]
+FIRST_CAPACITY = 1024
+# Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
+IDS_PER_SOURCE = 2**40
+
 
 @dataclass(frozen=True, kw_only=True)
 class Buoyancy:
@@ -48,7 +53,7 @@ NEUTRAL = Buoyancy()
 
 
 def terminal_velocity_buoyancy(specific_gravity: float, gas_volume_m3: float) -> Buoyancy:
-    """Return the buoyancy of a filament whose weight in air is balanced by the drag of a sphere around it.
+    """Return the buoyancy of a filament at which the drag of a sphere around it balances its weight in air.
 
     g |1 - SG| rho V = Cd rho/2 pi r^2 w^2    =>    w = sqrt(2 g |1 - SG| V / (pi Cd)) / r      r = 2 sigma
     [m/s] = sqrt([m/s2] [m3]) / [m]; upward for SG < 1.
@@ -108,7 +113,7 @@ class FilamentTable:
         self.own_velocity = np.zeros((capacity, 3))
 
     def keep(self, is_kept: NDArray[np.bool_]) -> int:
-        """Keep some of the first n filaments, (n,), in their order, as the first rows; return how many."""
+        """Keep some of the first n filaments, (n,), in their order, as the first rows; return their number."""
         kept = np.flatnonzero(is_kept)
         n = len(kept)
         for column in self._columns:
@@ -154,18 +159,12 @@ def find_open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
 
 
-WindAt = Callable[[float], NDArray[np.float32]]
-
-FIRST_CAPACITY = 1024
-# Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
-IDS_PER_SOURCE = 2**40
-
-
 @dataclass(frozen=True, kw_only=True)
 class GasSource:
     """A source of gas about a place in the air.
 
-    `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` says which gas.
+    `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` is the index of the
+    gas.
     """
 
     position_world_m: Vec3
@@ -217,7 +216,7 @@ def filament_amount_mol(ppm: float, sigma_m: float) -> float:
     return ppm * 1e-6 * air_density_mol_m3() * (2.0 * math.pi) ** 1.5 * sigma_m**3
 
 
-# All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
+# Random numbers of a run: the keys of the movements and of the places of birth, and the births of each source.
 class _RandomStreams:
     def __init__(self, sources: tuple[GasSource, ...], seed: int) -> None:
         self.key = stream(seed, "fields.disperse").integers(2**64, dtype=np.uint64)
@@ -249,7 +248,7 @@ class FilamentPlume:
 
         Args:
             environment: Occupancy and wind; its arrays are not copied.
-            sources: Where gas comes from, all with buoyancy of one power.
+            sources: Sources of gas, all with buoyancy of one power.
             step_s: Length of a step [s].
             growth_m2_s: Growth of sigma^2 [m2/s].
             diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
@@ -285,7 +284,7 @@ class FilamentPlume:
         self._step = 0
 
     def reset(self, seed: int) -> None:
-        """Return to a room without gas at time 0, and to the sources as they began."""
+        """Return to a room without gas at time 0, and to the initial state of the sources."""
         self._draws = _RandomStreams(self._sources, seed)
         if self._eddies is not None:
             self._eddies.reset(seed)

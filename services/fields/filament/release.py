@@ -13,11 +13,13 @@ from gslcosim.base.quantities import Vec3
 # Filament number rate * t exists at t even when the product is rounded down by its last digit.
 _ROUNDING = 1e-9
 
+ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]
+
 
 class BirthSequence(Protocol):
-    """A release under way; it is asked for one span after the other, without gaps.
+    """A release under way, read in consecutive spans without gaps.
 
-    It answers with a list: few are born in a step, and for few an array costs more than it spares.
+    The births are a list: they are few in a step, and an array would cost more.
     """
 
     def births_s(self, start_s: float, end_s: float) -> list[float]:
@@ -43,12 +45,12 @@ class ConstantRelease:
     filaments_per_s: float
 
     def start(self, rng: np.random.Generator) -> BirthSequence:
-        """Return itself: nothing is drawn and nothing remembered."""
+        """Return itself: it draws nothing and has no state."""
         del rng
         return self
 
     def n_born_by(self, time_s: float) -> int:
-        """Return how many filaments are born from 0 to a time [s]."""
+        """Return the number of filaments born from 0 to a time [s]."""
         return int(self.filaments_per_s * time_s + _ROUNDING)
 
     def births_s(self, start_s: float, end_s: float) -> list[float]:
@@ -171,9 +173,6 @@ class _PiecewiseBirths:
             self.end_s, self.rate = self.plan.span(self.n_spans, self.rng)
 
 
-ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class SourceShape:
     """The extent of a source about its position.
@@ -238,7 +237,7 @@ _UNIT_OFFSETS = {
 class SourceChange:
     """Change of a source from the next step on; absent fields stay as they are.
 
-    `share` is the rate in terms of the one that the source began with; it is for releases without a schedule.
+    `share` is the rate as a fraction of the initial one; it is for releases without a schedule.
     """
 
     position_world_m: Vec3 | None = None
@@ -250,8 +249,8 @@ class SourceChange:
 class SourceValve:
     """Valve of one source: lets its births pass, at a changed rate if wanted.
 
-    A closed tap keeps back what is born; the release goes on behind it. With a share s the release's own time runs s
-    times as fast: dw/dt = s, so a Poisson process stays one, with s times the rate, and nothing is drawn twice.
+    A closed valve drops the births; the release goes on behind it. With a share s the release's own time runs s times
+    as fast: dw/dt = s, so a Poisson process stays one, with s times the rate, and nothing is drawn twice.
     """
 
     is_open: bool = True

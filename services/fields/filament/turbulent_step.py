@@ -67,9 +67,9 @@ def move_turbulent_filaments_inplace(
     dp = (U + u + b / sigma^q) dt + s v dt
     v' = e v + grad(s) T (1 - e) + sqrt(1 - e^2) xi2,  e = exp(-dt / T),  T its time, see `OWN_SHARE`
 
-    U is the mean wind, u the velocity of the large eddies, which has no divergence; s v is what a filament has for
-    itself. The gradient keeps a well-mixed gas well mixed where the turbulence is uneven. Walls reflect the filament's
-    own part and its velocity.
+    U is the mean wind, u the velocity of the large eddies, which has no divergence; s v is a filament's own velocity.
+    The gradient keeps a well-mixed gas well mixed where the turbulence is uneven. Walls reflect the filament's own part
+    and its velocity.
 
     Args:
         position_world_m: (>= n, 3) filament centres, world frame, xyz [m]; modified.

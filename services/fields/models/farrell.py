@@ -26,6 +26,14 @@ from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_bl
 from gslcosim_services.fields.mixing_ratio import Walls
 from gslcosim_services.fields.models.filament_gas import build_gas_model, build_point_turbulence, build_wall_images
 
+# The wind's own clock: its statistics depend neither on the gas's step nor on the tick.
+WIND_STEP_S = 0.01
+# Gusts beyond so many standard deviations do not occur in years; the stable step is chosen for them.
+_MAX_GUST_STD = 6.0
+# Nodes along each side, and frequencies, in the computation of the gain in the middle.
+_GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
+_LEAST_GAIN = 0.25
+
 
 @numba.njit(cache=True, nogil=True)
 def _interpolate_edge(values, i_component, a, b):
@@ -156,7 +164,7 @@ def blow_inplace(
 
 @numba.njit(cache=True, nogil=True)
 def wind_in_cells(wind_m_s, nx, ny):
-    """Return the wind at the centres of (nx, ny) cells that share the field's box, by bilinear interpolation.
+    """Return the wind at the centres of (nx, ny) cells in the field's box, by bilinear interpolation.
 
     Args:
         wind_m_s: (mx, my, 2) wind at nodes, the outermost on the border of the field [m/s].
@@ -183,12 +191,6 @@ def wind_in_cells(wind_m_s, nx, ny):
     return result
 
 
-# The wind's own clock: its statistics depend neither on the gas's step nor on the tick.
-WIND_STEP_S = 0.01
-# Gusts beyond so many standard deviations are not met in years; the stable step is chosen for them.
-_MAX_GUST_STD = 6.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class Gusts:
     """Gusts of the wind: a noisy oscillator of standard deviation, period and damping ratio."""
@@ -212,8 +214,8 @@ def exact_gust_step(gusts: Gusts, dt_s: float) -> tuple[NDArray[np.float64], NDA
         (2, 2) P and (2, 2) lower triangle L, for the state (x [m/s], y [m/s2]).
 
     Source:
-        Our derivation from the equation of pompy's ColouredNoiseGenerator, whose noise is multiplied by dt and so
-        depends on the step; here the standard deviation is given and the step does not matter.
+        Our derivation from the equation of pompy's ColouredNoiseGenerator. Its noise is multiplied by dt and so depends
+        on the step; here the standard deviation is given, for steps of any length.
     Held by:
         tests/unit/services/fields/models/test_farrell.py (two half steps are a whole one; variance stays)
     """
@@ -235,11 +237,6 @@ def stable_step_s(speed_m_s: float, viscosity_m2_s: float, dx_m: float, dy_m: fl
     """
     rate_per_s = speed_m_s * (1.0 / dx_m + 1.0 / dy_m) + 2.0 * viscosity_m2_s * (1.0 / dx_m**2 + 1.0 / dy_m**2)
     return 1.0 / rate_per_s if rate_per_s > 0.0 else math.inf
-
-
-# Nodes along each side and frequencies with which the share of the gusts that reaches the middle is found.
-_GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
-_LEAST_GAIN = 0.25
 
 
 def find_middle_gain(
@@ -268,7 +265,7 @@ def find_middle_gain(
     corners = np.stack([np.outer(a, b).ravel() for a in (low, low[::-1]) for b in (low, low[::-1])], axis=1)
     inside = np.pad(np.ones((n - 2, n - 2), np.bool_), 1).ravel()
     middle = np.flatnonzero(inside) == n * n // 2
-    # Of the oscillator's spectrum, up to a frequency of four times its own, points with equal shares of the variance.
+    # Points of the oscillator's spectrum with equal parts of the variance, up to four times its own frequency.
     w = np.linspace(0.0, 4.0, 4001)
     shares = np.cumsum(1.0 / ((1.0 - w**2) ** 2 + (2.0 * gusts.damping * w) ** 2))
     frequencies = np.interp((np.arange(_GAIN_FREQUENCIES) + 0.5) / _GAIN_FREQUENCIES, shares / shares[-1], w)
@@ -282,12 +279,12 @@ def find_middle_gain(
         ** 2
         for frequency in frequencies
     ]
-    # Rounded, so that no library of linear algebra has a part in the wind.
+    # Rounded, so that the wind does not depend on the library of linear algebra.
     return max(_LEAST_GAIN, round(math.sqrt(float(np.mean(squares))), 3))
 
 
 def find_gust_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
-    """Return what is to be known of gusts that the middle of a scenario's field gets less of than it asks for.
+    """Return a warning if the gusts in the middle of a scenario's field are weaker than its setting.
 
     Args:
         scenario: Its gas is Farrell's.
@@ -330,7 +327,7 @@ class FarrellWind:
     """The wind of an open field, horizontal and the same at all heights.
 
     State: wind at nodes, gusts at the corners; starts as even mean wind with gusts in their stationary state. It goes
-    on by its own clock of 10 ms, from its own stream, whatever asks for it.
+    on by its own clock of 10 ms, from its own stream, independent of its readers.
 
     Source: Farrell et al. 2002, Filament-based atmospheric dispersion model, doi:10.1023/A:1016283702837.
     Held by: tests/unit/services/fields/models/test_farrell.py
@@ -433,7 +430,7 @@ class OpenFieldPlume:
 
 
 def open_sides_and_top(environment: Environment) -> Environment:
-    """Return an environment whose sides and top let gas out; the floor and what stands on it stay solid."""
+    """Return an environment with sides and top as outlets of gas; the floor and the obstacles on it stay solid."""
     occupancy = np.array(environment.occupancy)
     for border in (occupancy[0], occupancy[-1], occupancy[:, 0], occupancy[:, -1], occupancy[:, :, -1]):
         border[border == Cell.FREE] = Cell.OUTLET

@@ -145,7 +145,7 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
 def _build_filament_source(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
     if block.tape:
         return build_cached_plume(setup.scenario, setup.environment)
-    # What events and participants change is not known ahead.
+    # Changes by events and participants are not known ahead.
     has_events = any(isinstance(event, SourceEventSpec) for event in setup.scenario.events)
     if setup.wind_at is not None or has_events or setup.scenario.driven_sources:
         return plume
@@ -185,7 +185,7 @@ def build_gas_model(
         wind_at: The wind at a time [s] in place of the room's; see `FilamentPlume`.
         own_speed_m_s: Mean speed of that wind, where the gas has its own and the air goes on beyond the grid.
 
-    `compatibility: gaden_2` draws the same displacement in each step whatever its length and knows no buoyancy;
+    `compatibility: gaden_2` draws the same displacement in each step whatever its length and has no buoyancy;
     `gaden_3_buoyancy` scales it with the step's length, has its own buoyancy, and reads filaments up to 3 sigma away.
 
     Raises:

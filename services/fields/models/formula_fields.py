@@ -15,14 +15,14 @@ Formula = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaPlume:
-    """One source's plume: the mixing ratio [ppm] at (m, 3) points [m] and a time [s], and which gas it is."""
+    """One source's plume: the mixing ratio [ppm] at (m, 3) points [m] and a time [s], and the index of its gas."""
 
     gas_index: int
     mixing_ratio_ppm_at: Formula
 
 
 class TimedField:
-    """Base of gas fields that are read off at a time rather than moved."""
+    """Base of gas fields that are a function of time."""
 
     def __init__(self, gases: tuple[str, ...], step_s: float) -> None:
         self._gases = gases
@@ -45,7 +45,7 @@ class TimedField:
         return self._step * self._step_s
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
+        """Advance by steps."""
         self._step += n_steps
 
     def restart(self) -> None:

@@ -29,7 +29,7 @@ RICHARDSON_G = 0.5
 OWN_TIME_RATIO = 2.0
 """Correlation time of a filament's own velocity over the Lagrangian time scale."""
 OWN_SHARE = OWN_TIME_RATIO * RICHARDSON_G / (2.0 * LAGRANGIAN_C0)
-"""Share of the energy that each filament has for itself.
+"""Fraction of the energy in each filament's own velocity.
 
 Its velocity is an Ornstein-Uhlenbeck process driven by noise of g eps / 2, so that two filaments that start together
 separate as <r^2> = g eps t^3 within its correlation time (Obukhov 1959); its variance is that noise times half that
@@ -38,6 +38,12 @@ time.
 
 # Columns of the table at corners.
 AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT = 0, 1, 2, 3
+
+Walled = NDArray[np.bool_]
+"""(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
+_GROUND: Walled = np.array([[False, False], [False, False], [True, False]])
+# At most this fraction of the air beside an open side is beside its frame.
+_FRAME_SHARE = 0.1
 
 
 class AirNodes(NamedTuple):
@@ -200,15 +206,8 @@ def mean_speed_m_s(environment: Environment) -> float:
     return float(np.linalg.norm(velocity_m_s, axis=-1)[:, environment.occupancy != Cell.SOLID].mean())
 
 
-Walled = NDArray[np.bool_]
-"""(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
-_GROUND: Walled = np.array([[False, False], [False, False], [True, False]])
-# Of the air beside an open side at most this share is beside its frame.
-_FRAME_SHARE = 0.1
-
-
 def find_walls(room: EnvironmentGeometry) -> Walled:
-    """Return the sides of a room that are walls: not those that inlets, outlets and the open take up, or nearly."""
+    """Return the sides of a room that are walls: not those that openings fill, or nearly."""
     is_air, is_opening = room.occupancy != Cell.SOLID, room.occupancy == Cell.OUTLET
     for opening in room.openings:
         is_opening[cells_at(opening, room.grid)] = True
@@ -235,7 +234,7 @@ def longest_eddies_m(grid: Grid, walls: Walled) -> float:
 
 
 def find_eddy_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
-    """Return what is to be known of a scenario whose eddies are longer than its room allows.
+    """Return a warning if a scenario's eddies are longer than its room allows.
 
     Args:
         scenario: Its gas has turbulence of a given length.

@@ -17,7 +17,7 @@ N_LATTICE = 32
 """Nodes along each axis of the lattice of random numbers, a power of two; beyond them it repeats."""
 N_LAYERS = 2
 """Patterns of an octave at any time."""
-# Two more nodes along z spare the look for the end of a row.
+# Two more nodes along z spare the test for the end of a row.
 _ROW = 3 * (N_LATTICE + 2)
 # <(d psi_z / dy - d psi_y / dz)^2> of quadratic splines over unit normal numbers, in spacings: 2 (11/20)^2.
 _CURL_VARIANCE = 2.0 * 0.55**2
@@ -30,9 +30,12 @@ N_FINE_OCTAVES = 3
 LIFE_PER_TIME_SCALE = 4.0
 """Life of the largest pattern over the Lagrangian time scale; velocity in a drifting pattern decorrelates within it."""
 
+_1, _2, _3, _4, _5, _6, _7, _8 = (np.uint64(i) for i in range(1, 9))
+_HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np.float32(0.0)
+
 
 def octave_shares(n: int) -> NDArray[np.float64]:
-    """Return the shares of n octaves in the energy of an inertial range, (size)^(2/3), of sum one."""
+    """Return the fractions of n octaves in the energy of an inertial range, (size)^(2/3), of sum one."""
     shares = 2.0 ** (-2.0 * np.arange(n) / 3.0)
     return shares / shares.sum()
 
@@ -47,8 +50,8 @@ class EddyLayers(NamedTuple):
     """Eddies of one instant, in the form for kernels.
 
     A pattern has a lattice of random vectors. `potential` holds those at the nodes of each of m patterns, float32 of
-    (n n (n + 2) 3); `offset` (m, 3) is where it begins [nodes], `drift_s` (m,) for how long it has drifted with the
-    mean wind since the middle of its life [s], `weight` (m,) its factor, `spacing_m` (m,) its nodes' distance [m].
+    (n n (n + 2) 3); `offset` (m, 3) is its origin [nodes], `drift_s` (m,) its time of drift with the mean wind since
+    the middle of its life [s], `weight` (m,) its factor, `spacing_m` (m,) its nodes' distance [m].
     """
 
     potential: Any
@@ -56,10 +59,6 @@ class EddyLayers(NamedTuple):
     drift_s: Any
     weight: Any
     spacing_m: Any
-
-
-_1, _2, _3, _4, _5, _6, _7, _8 = (np.uint64(i) for i in range(1, 9))
-_HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np.float32(0.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -145,7 +144,7 @@ def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope):
 
 
 def potential_amplitude_m2_s(velocity_std_m_s: float, spacing_m: float) -> float:
-    """Return the amplitude A of the potential whose curl has a standard deviation along each axis [m2/s]."""
+    """Return the amplitude A of the potential from its curl's standard deviation along each axis [m2/s]."""
     return velocity_std_m_s * spacing_m / math.sqrt(_CURL_VARIANCE)
 
 
@@ -196,13 +195,13 @@ class LargeEddies:
     def __init__(
         self, scales: EddyScales, *, seed: int, fine_share: float = 0.0, n_octaves: int = N_EDDY_OCTAVES
     ) -> None:
-        """Prepare the eddies of a seed.
+        """Build the eddies of a seed.
 
         Args:
             scales: Of the turbulence.
             seed: Of the random numbers.
             fine_share: Energy of all octaves below the first `N_EDDY_OCTAVES`, over that of these.
-            n_octaves: How many there are. The first are the same whatever their number.
+            n_octaves: Number of octaves. The first are the same whatever their number.
         """
         octaves = np.arange(n_octaves)
         energy = np.zeros(n_octaves)
@@ -216,7 +215,7 @@ class LargeEddies:
         self._seed = seed
 
     def reset(self, seed: int) -> None:
-        """Take another seed."""
+        """Begin again with a seed."""
         self._seed = seed
 
     def at(self, time_s: float) -> EddyLayers:
@@ -232,10 +231,10 @@ class LargeEddies:
         )
 
 
-# Cached outside of the objects, so that plume and instruments share patterns and no state holds them.
+# Cached outside of the objects: plume and instruments use the same patterns, and no state holds them.
 @lru_cache(maxsize=48)
 def draw_vectors(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return a pattern of a seed: where its lattice begins (3,) [nodes], and its vectors; see `EddyLayers`."""
+    """Return a pattern of a seed: the origin of its lattice (3,) [nodes], and its vectors; see `EddyLayers`."""
     rng = stream(seed, f"fields.eddies.{octave}.{layer}.{epoch}")
     offset = rng.random(3) * N_LATTICE
     numbers = rng.standard_normal((N_LATTICE, N_LATTICE, N_LATTICE, 3), dtype=np.float32)

@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Inner fluctuation: how gas is spread unevenly within filaments, as a random factor of mean one that drifts along."""
+"""Inner fluctuation: uneven gas within filaments, as a random factor of mean one that drifts along."""
 
 import math
 from functools import lru_cache
@@ -32,8 +32,8 @@ _SPLINE_VARIANCE = 0.55**3
 class InnerLayers(NamedTuple):
     """Structure of one instant, in the form for kernels.
 
-    Of m patterns: `numbers` (n n n,) float32 at the nodes of each lattice, `offset` (m, 3) where they begin [nodes],
-    `spacing_m`, `drift_s` and `weight` (m,): distance of nodes, time of drift and share of each.
+    Of m patterns: `numbers` (n n n,) float32 at the nodes of each lattice, `offset` (m, 3) their origins [nodes],
+    `spacing_m`, `drift_s` and `weight` (m,): distance of nodes, time of drift and weight of each.
     """
 
     numbers: Any
@@ -120,9 +120,9 @@ class InnerFluctuation:
     """Factor of mean one for the gas within filaments: a function of place, time and seed.
 
     A normal field is the sum of octaves of size l with variances as l^(2/3), which gives a spectrum of slope -5/3; each
-    drifts with the mean wind and forgets in its own time, as l^(2/3). They begin where the eddies that move filaments
-    end, so no size is counted twice. The factor has a Weibull distribution. The gas's amount is kept in the mean over
-    many such structures, not in each filament.
+    drifts with the mean wind and decorrelates in its own time, as l^(2/3). The largest is below the smallest eddies
+    that move filaments, so no size is counted twice. The factor has a Weibull distribution. The gas's amount is kept in
+    the mean over many such structures, not in each filament.
 
     Source:
         Weibull distribution of concentrations: Oettl and Ferrero 2017, Atmospheric Environment 152, 1; spectrum:
@@ -132,7 +132,7 @@ class InnerFluctuation:
     """
 
     def __init__(self, scales: EddyScales, *, intensity: float, seed: int) -> None:
-        """Prepare; `intensity` is the standard deviation of the factor, whose mean is one."""
+        """Build the factor; `intensity` is its standard deviation, one its mean."""
         self._shape = weibull_shape(intensity) if intensity > 0.0 else math.inf
         self._seed = seed
         octaves = np.arange(N_EDDY_OCTAVES, N_EDDY_OCTAVES + N_FINE_OCTAVES)
@@ -141,7 +141,7 @@ class InnerFluctuation:
         self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * 0.5**octaves, N_LAYERS)
 
     def reset(self, seed: int) -> None:
-        """Take another seed."""
+        """Begin again with a seed."""
         self._seed = seed
 
     def factors_at(
@@ -167,6 +167,6 @@ class InnerFluctuation:
 # Cached outside of the objects, as for eddies.
 @lru_cache(maxsize=96)
 def draw_numbers(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return a pattern of a seed: where its lattice begins (3,) [nodes], and the numbers at its nodes (n n n,)."""
+    """Return a pattern of a seed: the origin of its lattice (3,) [nodes], and the numbers at its nodes (n n n,)."""
     rng = stream(seed, f"fields.inner.{octave}.{layer}.{epoch}")
     return rng.random(3) * N_LATTICE, rng.standard_normal(_NODES, dtype=np.float32)

@@ -47,7 +47,7 @@ def turbulent_wind_at_points(velocity_m_s, air, layers, origin_m, cell_m, points
 class PointTurbulence:
     """Turbulence at the positions of instruments: a function of position, time and seed, with the eddies that move gas.
 
-    Finer eddies are added, with the energy of the velocity that each filament has for itself.
+    Finer eddies are added, with the energy of each filament's own velocity.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class PointTurbulence:
         self._inner = InnerFluctuation(air.scales, intensity=inner_intensity, seed=seed)
 
     def reset(self, seed: int) -> None:
-        """Take another seed."""
+        """Begin again with a seed."""
         self._eddies.reset(seed)
         self._inner.reset(seed)
 

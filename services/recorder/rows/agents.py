@@ -1,12 +1,11 @@
-"""Rows of one agent: its vehicle, waypoints, sensor readings and score, beliefs, and columns that no view draws."""
+"""Rows of one agent: its vehicle, waypoints, sensor readings and score, beliefs and notes."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import rerun as rr
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
@@ -22,252 +21,90 @@ from gslcosim.contract.messages import (
     Reading,
     Waypoint,
 )
-from gslcosim.scenario.models.sensors import (
-    CameraSensorSpec,
-    LidarSensorSpec,
-    RaySensorSpec,
-    SensorSpec,
-    TdlasSensorSpec,
-)
+from gslcosim.scenario.models.sensors import CameraSensorSpec, RaySensorSpec, TdlasSensorSpec
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.entities import AgentEntities
-from gslcosim_services.recorder.recording_file import RecordingFile
-from gslcosim_services.recorder.rows.columns import (
-    MARKER_RADIUS_M,
-    WAYPOINT_RADIUS_M,
-    CurveRows,
-    Marker,
-    MarkerRows,
-    PlanRows,
-    PoseRows,
-    Rows,
-    ScalarRows,
-    TrackRows,
-    split_columns,
-)
-from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
-from gslcosim_services.recorder.scene import draw_vehicle, image_format, slice_height_m
+from gslcosim_services.recorder.rows.archetypes import Marker, Picture
+from gslcosim_services.recorder.rows.columns import RecordingRows, Rows, split_columns
+from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, PoseHistory, RangeRows
+from gslcosim_services.recorder.scene import slice_height_m
 from gslcosim_services.recorder.stream_table import Stream, split_values
 
-
-class WindColumnRows(Rows[Sequence[float]]):
-    """Column of an anemometer that no curve draws, in single precision: a wind, or where it is from.
-
-    Args:
-        stream: Which it is; its component is the column's name.
-    """
-
-    def __init__(self, entity: str, stream: Stream) -> None:
-        super().__init__(entity)
-        self._column = stream.component
-
-    def _columns(self, items: Sequence[Sequence[float]]) -> rr.ComponentColumnList:
-        numbers: Any = pa.array(np.array(items, dtype=np.float32).ravel())
-        width = len(items[0])
-        rows: Any = numbers if width == 1 else pa.FixedSizeListArray.from_arrays(numbers, width)
-        return rr.AnyValues.columns(**{self._column: rows})
+# A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
+TRACK_STRIP_TICKS = 10
 
 
-class AnemometerRows:
-    """Wind at an anemometer, true or as it reports it: its speed as a curve, and the rest as a column beside the plots.
+class TrackRows:
+    """The line a vehicle leaves behind, in strips of `TRACK_STRIP_TICKS`: the viewer shows all up to its cursor."""
 
-    Args:
-        rest: That of the rest: a vector, or where the wind is from, then behind the speed.
-    """
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
+        self._open_strip_m: list[Vec3] = []
+        self._last_tick = 0
 
-    def __init__(self, names: AgentEntities, sensor: str, speed: Stream, rest: Stream) -> None:
-        self._speed = ScalarRows(names.at(speed, sensor=sensor))
-        self._rest = WindColumnRows(names.at(rest, sensor=sensor), rest)
-        self._stream = rest
+    def extend(self, ticks: Sequence[int], positions_world_m: Sequence[Vec3]) -> None:
+        """Append the positions at the ends of ticks."""
+        begin = 0
+        while begin < len(ticks):
+            end = min(begin + TRACK_STRIP_TICKS + 1 - len(self._open_strip_m), len(ticks))
+            self._open_strip_m += positions_world_m[begin:end]
+            self._last_tick = ticks[end - 1]
+            if len(self._open_strip_m) > TRACK_STRIP_TICKS:
+                self.end_strip()
+            begin = end
 
-    def extend(self, ticks: Sequence[int], values: Sequence[Sequence[float]]) -> None:
-        """Append values at the ends of ticks."""
-        if self._stream is streams.WIND_FROM:
-            self._speed.extend(ticks, [part[0] for part in values])
-            values = [part[1:] for part in values]
-        elif self._stream is streams.TRUE_WIND:
-            self._speed.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in values])
-        else:
-            self._speed.extend(ticks, [math.hypot(*wind_m_s) for wind_m_s in values])
-        self._rest.extend(ticks, values)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        self._speed.send(file)
-        self._rest.send(file)
-
-
-class BeliefPictureRows(Rows[Belief]):
-    """A belief as a picture at its height: brightest in the most probable cell, by the square root of the probability.
-
-    A belief in space is drawn as its sum over the height.
-    """
-
-    def __init__(self, entity: str, height_m: float) -> None:
-        super().__init__(entity)
-        self._height_m = height_m
-        self._colors = colors.belief_colors()
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting beliefs one by one, as each has a grid of its own, and forget them."""
-        for tick, belief in zip(self._ticks, self._items, strict=True):
-            file.send(self._entity, [tick], self._columns([belief]))
-        self._ticks, self._items = [], []
-
-    def _columns(self, items: Sequence[Belief]) -> rr.ComponentColumnList:
-        (belief,) = items
-        p = sum_over_height(belief)
-        levels = (np.sqrt(p / p.max()) * (colors.N_LEVELS - 1)).astype(np.uint8)
-        return rr.GridMap.columns(
-            # Rows of a picture run from the far side (largest y) to the near one.
-            data=[self._colors[levels.T[::-1]].tobytes()],
-            format=[image_format(*p.shape, color_model="RGBA")],
-            cell_size=[belief.cell_m],
-            translation=[(*belief.origin_m[:2], slice_height_m(self._height_m))],
-        )
-
-
-class BeliefRows:
-    """Rows of one agent's beliefs: pictures, and curves of their score."""
-
-    def __init__(self, names: AgentEntities) -> None:
-        self._names = names
-        self.picture = BeliefPictureRows(names.at(streams.BELIEF), names.agent.vehicle.search_height_m)
-        self.mass_near = ScalarRows(names.at(streams.BELIEF_MASS))
-        self.expected_distance = ScalarRows(names.at(streams.BELIEF_DISTANCE))
-        self.has_any = False
-        self._last: BeliefScore | None = None
-
-    def all(self) -> tuple[Rows[Any], ...]:
-        """Return the rows of every entity."""
-        return self.picture, self.mass_near, self.expected_distance
-
-    def note_belief(self, tick: int, belief: Belief) -> None:
-        """Take note of what the agent has published."""
-        self.has_any = True
-        self.picture.add(tick, belief)
-
-    def note_score(self, tick: int, score: BeliefScore) -> None:
-        """Take note of how good its last belief is, where that is news."""
-        if score != self._last:
-            self.mass_near.add(tick, score.mass_near_frac)
-            self.expected_distance.add(tick, score.expected_distance_m)
-            self._last = score
-
-    def draw(self, file: RecordingFile, *, label: str) -> None:
-        """Say how the curves look; `label` precedes their names."""
-        names = self._names
-        styles = {streams.BELIEF_MASS: "belief near the source", streams.BELIEF_DISTANCE: "expected by belief"}
-        for stream, text in styles.items():
-            shade = colors.plan_color(names.color)
-            file.draw(names.at(stream), rr.SeriesLines(names=[f"{label}{text}"], colors=[shade], widths=[1.5]))
-
-
-class NoteRows:
-    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve."""
-
-    def __init__(self, names: AgentEntities) -> None:
-        self._names = names
-        self._mode = ""
-        self._changes: list[tuple[int, str]] = []
-        self._values: dict[str, ScalarRows] = {}
-        self.has_any = False
-
-    def add(self, tick: int, note: Note) -> None:
-        """Append what was noted with the answer to the observation of a tick."""
-        self.has_any = True
-        if note.mode != self._mode:
-            self._mode = note.mode
-            self._changes.append((tick, note.mode))
-        for name, value in note.values.items():
-            if name not in self._values:
-                self._values[name] = ScalarRows(self._names.at(streams.NOTE_VALUES, value=name))
-            self._values[name].add(tick, value)
-
-    def send(self, file: RecordingFile) -> None:
-        """Write the waiting rows, if any, and forget them."""
-        if self._changes:
-            ticks, modes = zip(*self._changes, strict=True)
-            file.send(self._names.at(streams.NOTE_MODE), ticks, rr.StateChange.columns(state=modes))
-            self._changes = []
-        for rows in self._values.values():
-            rows.send(file)
-
-
-def sum_over_height(belief: Belief) -> NDArray[np.float64]:
-    """Return the (nx, ny) probabilities of a belief, summed over the height where it is in space."""
-    p = belief.probability.to_array().astype(np.float64)
-    return p.sum(axis=2) if p.ndim == 3 else p
-
-
-SpaceRows = LidarRows | RayRows | ImageRows
+    def end_strip(self) -> None:
+        """End the open strip here; the next one starts at its end."""
+        if len(self._open_strip_m) > 1:
+            self._rows.add(self._last_tick, self._open_strip_m)
+            self._open_strip_m = self._open_strip_m[-1:]
 
 
 class AgentRows:
     """All rows of one agent. `gases` are those of the run, `tick_ns` is its tick."""
 
-    def __init__(self, names: AgentEntities, gases: tuple[str, ...], tick_ns: int) -> None:
+    def __init__(self, rows: RecordingRows, names: AgentEntities, gases: tuple[str, ...], tick_ns: int) -> None:
         self.names = names
-        self._tick_ns = tick_ns
-        self._poses = PoseHistory(names.agent.sensors, tick_ns)
-        self.pose = PoseRows(names.at(streams.TRACK))
-        self.track = TrackRows(names.at(streams.TRACK_LINE))
-        self.plan = PlanRows(names.at(streams.PLANNED_PATH))
-        self.waypoints = MarkerRows(names.at(streams.WAYPOINTS), radius_m=WAYPOINT_RADIUS_M)
-        self.markers = MarkerRows(names.at(streams.MARKS), radius_m=MARKER_RADIUS_M)
-        self.distance = ScalarRows(names.at(streams.DISTANCE))
-        self.tracking_error = ScalarRows(names.at(streams.TRACKING_ERROR))
-        self.decision = ScalarRows(names.at(streams.DECISION_TIME))
-        self.belief = BeliefRows(names)
-        self.notes = NoteRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
+        self.has_beliefs = self.has_notes = False
+        self._rows = rows
+        self._gases = frozenset(gases)
+        self._gas_sensors = frozenset(sensor.name for sensor in names.gas_sensors)
+        self._wind_sensors = frozenset(sensor.name for sensor in names.wind_sensors)
+        self._parts = self._split_readings()
+        self.track = TrackRows(self.of(streams.TRACK_LINE))
+        self._planned_path_m: tuple[Vec3, ...] = ()
         self._mission: tuple[Waypoint, ...] | None = None
-        self._gas = {
-            (sensor.name, gas): ScalarRows(names.at(streams.MIXING_RATIO, sensor=sensor.name, gas=gas))
+        self._belief_score: BeliefScore | None = None
+        self._mode = ""
+        self._belief_colors = colors.belief_colors()
+        self._poses = PoseHistory(names.agent.sensors, tick_ns)
+        self._beams = {
+            sensor.name: RangeRows(rows, names, sensor, self._poses, tick_ns)
             for sensor in names.gas_sensors
-            for gas in gases
+            if isinstance(sensor, TdlasSensorSpec)
         }
-        self._true_wind = {
-            sensor.name: AnemometerRows(names, sensor.name, streams.TRUE_WIND_SPEED, streams.TRUE_WIND)
-            for sensor in names.wind_sensors
-        }
-        lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
-        self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
-        self._in_space = {
-            sensor.name: rows for sensor, _ in names.on_board_sensors if (rows := self._space_rows(sensor))
-        }
-        self._readings = self._reading_rows()
+        self._in_space: dict[str, RangeRows | ImageRows] = {}
+        for sensor, _ in names.on_board_sensors:
+            if isinstance(sensor, RaySensorSpec):
+                self._in_space[sensor.name] = RangeRows(rows, names, sensor, self._poses, tick_ns)
+            elif isinstance(sensor, CameraSensorSpec):
+                self._in_space[sensor.name] = ImageRows(rows, names, sensor, self._poses)
         self.shows_space = bool(self._in_space or self._beams)
 
-    def all(self) -> list[Rows[Any] | AnemometerRows | NoteRows]:
-        """Return the rows of every entity."""
-        own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
-        own = (*own, self.decision, self.notes)
-        own = (*own, *self.belief.all())
-        truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
-        readings = (rows for all_rows in self._readings.values() for rows in all_rows)
-        return [*own, *truth, *readings, *self._in_space.values()]
+    def of(self, stream: Stream, **names: str) -> Rows:
+        """Return the rows of one of the agent's streams."""
+        return self._rows.of(stream, agent=self.names.agent.name, **names)
 
-    def draw(self, file: RecordingFile, *, label: str) -> None:
-        """Draw the vehicle and say how lines and curves look; `label` precedes the names of curves."""
-        names = self.names
-        # A name beside the only vehicle would hide what it comes to.
-        draw_vehicle(file, names.at(streams.TRACK), names.agent, names.color, is_named=bool(label))
-        file.draw(names.at(streams.TRACK_LINE), rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
-        if names.agent.vehicle.avoidance != "none":
-            color = colors.plan_color(names.color)
-            file.draw(names.at(streams.PLANNED_PATH), rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
-        for rows in (*self._in_space.values(), *self._beams.values()):
-            rows.draw(file)
-        for entity, names_and_colors in self._styles(label).items():
-            labels, shades = zip(*names_and_colors, strict=True)
-            file.draw(entity, rr.SeriesLines(names=labels, colors=shades, widths=[1.5] * len(labels)))
+    def mark(self, tick: int, position_world_m: Vec3, label: str, *, is_shown: bool = True) -> None:
+        """Mark an event at a place, in the agent's colour."""
+        self.of(streams.MARKS).add(tick, Marker(position_world_m, label, self.names.color, is_shown))
 
     def note_space(
         self, tick: int, body: BodyState | None, samples: Iterable[MountSample], observation: Observation | None
     ) -> None:
-        """Take note of what sensors see around the vehicle, while the pose is known from which they have seen it.
+        """Append the surroundings that sensors measure, while the pose of the measurement is still held.
 
         Args:
             samples: The truth at the sensors of all vehicles.
@@ -276,122 +113,121 @@ class AgentRows:
             self._poses.add(tick, body)
         for sample in samples if self._beams else ():
             if sample.agent == self.names.agent.name and sample.beam_m is not None and sample.sensor in self._beams:
-                self._beams[sample.sensor].add_ranges(tick, (sample.beam_m,), tick)
+                self._beams[sample.sensor].add_rays(tick, (sample.beam_m,), tick)
         for reading in observation.readings if observation else ():
-            rows = self._in_space.get(reading.sensor)
-            if rows is not None:
-                rows.add_reading(tick, reading)
+            sensor = self._in_space.get(reading.sensor)
+            if sensor is not None:
+                sensor.add_reading(tick, reading)
 
     def note_bodies(self, ticks: Sequence[int], bodies: Sequence[BodyState]) -> None:
-        """Take note of where the vehicle is at the ends of ticks."""
+        """Append the vehicle's states at the ends of ticks; a planned path only if it is not the rest of the last."""
         positions_m = [body.position_world_m for body in bodies]
-        self.pose.extend(ticks, [(body.position_world_m, body.quaternion_wxyz) for body in bodies])
-        self.track.add_positions(ticks, positions_m)
-        self.plan.add_paths(ticks, positions_m, [body.planned_path_world_m for body in bodies])
+        self.of(streams.TRACK).extend(ticks, [(body.position_world_m, body.quaternion_wxyz) for body in bodies])
+        self.track.extend(ticks, positions_m)
+        paths_m = [body.planned_path_world_m for body in bodies]
+        if self._planned_path_m or any(paths_m):
+            for tick, position_m, path_m in zip(ticks, positions_m, paths_m, strict=True):
+                if path_m and self._planned_path_m[-len(path_m) :] != path_m:
+                    self.of(streams.PLANNED_PATH).add(tick, (position_m, *path_m))
+                self._planned_path_m = path_m
         errors_m = [error_m for body in bodies if (error_m := body.tracking_error_m) is not None]
         if len(errors_m) < len(bodies):
             ticks = [tick for tick, body in zip(ticks, bodies, strict=True) if body.tracking_error_m is not None]
-        self.tracking_error.extend(ticks, errors_m)
+        self.of(streams.TRACKING_ERROR).extend(ticks, errors_m)
 
     def note_samples(self, sensor: str, ticks: Sequence[int], samples: Sequence[MountSample]) -> None:
-        """Take note of the truth at a sensor at the ends of ticks."""
-        rows = self._true_wind.get(sensor)
-        if rows is not None:
-            rows.extend(ticks, [sample.wind_world_m_s for sample in samples])
-            return
-        for gas, (gas_ticks, amounts) in split_columns(ticks, [sample.gases for sample in samples], "gas"):
-            if (sensor, gas) in self._gas:
-                self._gas[sensor, gas].extend(gas_ticks, [amount.mixing_ratio_ppm for amount in amounts])
+        """Append the truth at a sensor at the ends of ticks."""
+        if sensor in self._wind_sensors:
+            winds_m_s = [sample.wind_world_m_s for sample in samples]
+            speeds_m_s = [math.sqrt(u * u + v * v + w * w) for u, v, w in winds_m_s]
+            self.of(streams.TRUE_WIND_SPEED, sensor=sensor).extend(ticks, speeds_m_s)
+            self.of(streams.TRUE_WIND, sensor=sensor).extend(ticks, winds_m_s)
+        elif sensor in self._gas_sensors:
+            for gas, (gas_ticks, amounts) in split_columns(ticks, [sample.gases for sample in samples], "gas"):
+                if gas in self._gases:
+                    rows = self.of(streams.MIXING_RATIO, sensor=sensor, gas=gas)
+                    rows.extend(gas_ticks, [amount.mixing_ratio_ppm for amount in amounts])
 
     def note_readings(self, sensor: str, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
-        """Take note of what a sensor reports at the ends of ticks, where it means something."""
-        all_rows = self._readings.get(sensor)
-        if not all_rows:
+        """Append a sensor's readings at the ends of ticks, but for those while it warms up."""
+        parts = self._parts.get(sensor)
+        if not parts:
             return
         if any(reading.is_warming_up for reading in readings):
             meaningful = [noted for noted in zip(ticks, readings, strict=True) if not noted[1].is_warming_up]
             ticks, readings = [tick for tick, _ in meaningful], [reading for _, reading in meaningful]
         values = [reading.values for reading in readings]
-        for rows in all_rows:
-            rows.extend(ticks, values)
+        for rows, part in parts:
+            rows.extend(ticks, map(part, values))
 
     def note_scores(self, ticks: Sequence[int], standings: Sequence[AgentScore]) -> None:
-        """Take note of the referee's scores of it at the ends of ticks."""
-        self.distance.extend(ticks, [standing.distance_to_source_m for standing in standings])
+        """Append the referee's scores at the ends of ticks; that of a belief only if it is new."""
+        self.of(streams.DISTANCE).extend(ticks, [standing.distance_to_source_m for standing in standings])
         for tick, standing in zip(ticks, standings, strict=True):
-            if standing.belief is not None:
-                self.belief.note_score(tick, standing.belief)
+            score = standing.belief
+            if score is not None and score != self._belief_score:
+                self.of(streams.BELIEF_MASS).add(tick, score.mass_near_frac)
+                self.of(streams.BELIEF_DISTANCE).add(tick, score.expected_distance_m)
+                self._belief_score = score
 
     def note_command(self, tick: int, command: Command) -> None:
-        """Take note of where the vehicle is sent, of declarations, beliefs and notes."""
+        """Append a command's waypoints and declaration, its belief and its note."""
         if command.note is not None:
-            self.notes.add(tick, command.note)
+            self._add_note(tick, command.note)
         if command.belief is not None:
-            self.belief.note_belief(tick, command.belief)
+            self._add_belief(tick, command.belief)
         if command.kind == "waypoint" and command.position_world_m is not None:
-            self.waypoints.add(tick, Marker(command.position_world_m, "", self.names.color))
+            self._add_waypoint(tick, command.position_world_m)
         elif command.kind == "mission" and command.waypoints != self._mission:
             self._mission = command.waypoints
             for point in command.waypoints or ():
-                self.waypoints.add(tick, Marker(point.position_world_m, "", self.names.color))
+                self._add_waypoint(tick, point.position_world_m)
         elif command.kind == "declare_source" and command.declaration is not None:
-            place_m = command.declaration.position_world_m
-            self.markers.add(tick, Marker(place_m, "declared", self.names.color))
+            self.mark(tick, command.declaration.position_world_m, "declared")
 
-    def _reading_rows(self) -> Mapping[str, tuple[CurveRows | AnemometerRows, ...]]:
-        names = self.names
-        rows: dict[str, tuple[CurveRows | AnemometerRows, ...]] = {}
-        for sensor in names.gas_sensors:
-            # The first number of a reading is what a gas sensor reports.
-            rows[sensor.name] = (CurveRows(names.at(streams.RESPONSE, sensor=sensor.name), slice(1)),)
-        for sensor in names.wind_sensors:
-            rest = streams.WIND_FROM if sensor.name in names.bearing_sensors else streams.APPARENT_WIND
-            rows[sensor.name] = (AnemometerRows(names, sensor.name, streams.WIND_SPEED, rest),)
-        for sensor, own in names.on_board_sensors:
-            entities = [names.at(stream, sensor=sensor.name) for stream in own]
-            parts = zip(entities, split_values(own), strict=True)
-            rows[sensor.name] = tuple(CurveRows(entity, part) for entity, part in parts)
-        return rows
+    def _add_waypoint(self, tick: int, position_world_m: Vec3) -> None:
+        self.of(streams.WAYPOINTS).add(tick, Marker(position_world_m, "", self.names.color))
 
-    # Names and colours of each entity's curves.
-    def _styles(self, label: str) -> dict[str, list[tuple[str, colors.Rgb]]]:
-        names = self.names
-        styles = {
-            names.at(streams.DISTANCE): [(label.strip() or "distance", names.color)],
-            names.at(streams.TRACKING_ERROR): [(label.strip() or "error", names.color)],
-            names.at(streams.DECISION_TIME): [(label.strip() or "decision", names.color)],
-        }
-        n_gases = len({gas for _, gas in self._gas})
-        for i, (sensor, gas) in enumerate(self._gas):
-            of_gas = f" {gas}" if n_gases > 1 else ""
-            entity = names.at(streams.MIXING_RATIO, sensor=sensor, gas=gas)
-            styles[entity] = [(f"{label}{sensor}{of_gas}", colors.shade(names.color, i))]
-        for i, sensor in enumerate(names.gas_sensors):
-            entity = names.at(streams.RESPONSE, sensor=sensor.name)
-            styles[entity] = [(f"{label}{sensor.name}", colors.shade(names.color, i))]
-        for i, sensor in enumerate(names.wind_sensors):
-            of_sensor = f"{sensor.name} " if len(names.wind_sensors) > 1 else ""
-            measured = colors.shade(names.color if label else colors.WIND, i)
-            styles[names.at(streams.WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
-            styles[names.at(streams.TRUE_WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
-        for sensor, own in names.on_board_sensors:
-            for stream in own:
-                if stream.axes:
-                    drawn = [(axis, colors.axis_color(axis, i)) for i, axis in enumerate(stream.axes)]
-                    styles[names.at(stream, sensor=sensor.name)] = drawn
-        return styles
+    # Brightest in the most probable cell, by the square root of the probability.
+    def _add_belief(self, tick: int, belief: Belief) -> None:
+        self.has_beliefs = True
+        p = sum_over_height(belief)
+        levels = (np.sqrt(p / p.max()) * (colors.N_LEVELS - 1)).astype(np.uint8)
+        corner_m = (*belief.origin_m[:2], slice_height_m(self.names.agent.vehicle.search_height_m))
+        # Rows of a picture run from the far side (largest y) to the near one.
+        self.of(streams.BELIEF).add(tick, Picture(self._belief_colors[levels.T[::-1]], belief.cell_m, corner_m))
 
-    def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
-        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
-        if isinstance(sensor, LidarSensorSpec):
-            return LidarRows(entity, sensor, self._poses, timing, self.names.color)
-        if isinstance(sensor, RaySensorSpec):
-            return RayRows(entity, sensor, self._poses, timing, self.names.color)
-        return (
-            ImageRows(entity, sensor, self._poses, self.names.color) if isinstance(sensor, CameraSensorSpec) else None
-        )
+    def _add_note(self, tick: int, note: Note) -> None:
+        self.has_notes = True
+        if note.mode != self._mode:
+            self._mode = note.mode
+            self.of(streams.NOTE_MODE).add(tick, note.mode)
+        for name, value in note.values.items():
+            self.of(streams.NOTE_VALUES, value=name).add(tick, value)
 
-    def _beam_rows(self, sensor: TdlasSensorSpec) -> RayRows:
-        direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
-        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
-        return RayRows(entity, sensor, self._poses, timing, self.names.color, direction)
+    # Rows of each sensor's readings, each with the function that takes their item out of a reading's values.
+    def _split_readings(self) -> dict[str, list[tuple[Rows, Callable[[Sequence[float]], Any]]]]:
+        parts: dict[str, list[tuple[Rows, Callable[[Sequence[float]], Any]]]] = {}
+        for sensor in self.names.gas_sensors:
+            # The first number of a reading is the response of a gas sensor.
+            parts[sensor.name] = [(self.of(streams.RESPONSE, sensor=sensor.name), itemgetter(slice(1)))]
+        for sensor in self.names.wind_sensors:
+            speed = self.of(streams.WIND_SPEED, sensor=sensor.name)
+            if sensor.name in self.names.bearing_sensors:
+                bearing = self.of(streams.WIND_FROM, sensor=sensor.name)
+                parts[sensor.name] = [(speed, itemgetter(0)), (bearing, itemgetter(slice(1, None)))]
+            else:
+                vector = self.of(streams.APPARENT_WIND, sensor=sensor.name)
+                parts[sensor.name] = [(speed, lambda vector_m_s: math.hypot(*vector_m_s)), (vector, tuple)]
+        for sensor, own in self.names.on_board_sensors:
+            parts[sensor.name] = [
+                (self.of(stream, sensor=sensor.name), itemgetter(part))
+                for stream, part in zip(own, split_values(own), strict=True)
+            ]
+        return parts
+
+
+def sum_over_height(belief: Belief) -> NDArray[np.float64]:
+    """Return the (nx, ny) probabilities of a belief, summed over the height where it is in space."""
+    p = belief.probability.to_array().astype(np.float64)
+    return p.sum(axis=2) if p.ndim == 3 else p

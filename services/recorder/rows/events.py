@@ -1,7 +1,7 @@
 """Rows of events, wind, probes, and services of other packages, in space and as curves."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping
+from functools import partial
 
 import numpy as np
 import rerun as rr
@@ -13,41 +13,40 @@ from gslcosim.contract.messages import BodyState
 from gslcosim.contract.participant import Inbox
 from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.contract.record import Message
-from gslcosim.environment.model import Box, Environment, EnvironmentVariant
+from gslcosim.environment.model import Environment, EnvironmentVariant
 from gslcosim.environment.plan_view import PlanView, arrow_vectors, is_cut, scale_of_arrows, space_arrows
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import find_due_events
 from gslcosim_services.recorder import colors
-from gslcosim_services.recorder.entities import source_events
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.agents import AgentRows
-from gslcosim_services.recorder.rows.columns import Marker, MarkerRows, Rows, ScalarRows, TextRows
+from gslcosim_services.recorder.rows.archetypes import Marker, boxes, markers
+from gslcosim_services.recorder.rows.columns import RecordingRows, Rows
 from gslcosim_services.recorder.scene import door_look, flat_box
-from gslcosim_services.recorder.stream_table import DOORS, SERVICES
+from gslcosim_services.recorder.stream_table import DOORS, MARKS, SERVICES, SOURCE_MARKS, WIND_ARROWS
+
+ARROWS_PER_SIDE = 15
+ARROW_RADIUS_SPACINGS = 0.04
+DOOR_MARK_RADIUS_M = 0.06
 
 
 class ServiceRows:
-    """Curves of a run's services, `plots/services/<port>/<field>`; a field is known when it first comes."""
+    """Curves of a run's services, `plots/services/<port>/<field>`, one for each field that comes."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, rows: RecordingRows, scenario: Scenario) -> None:
         wind = (WIND,) if scenario.has_driven_wind else ()
         self._ports = (*wind, *scenario.curve_ports)
-        self._rows: dict[str, ScalarRows] = {}
+        self._rows = rows
 
     def add(self, tick: int, inbox: Inbox) -> None:
-        """Take note of the messages of a tick."""
+        """Append the numbers of a tick's messages."""
         for port in self._ports:
             message = inbox.get(port)
             for name, value in _numeric_fields(message) if message is not None else ():
                 if name != "tick" and isinstance(value, bool | int | float):
-                    entity = SERVICES.at(port=port, field=name)
-                    self._rows.setdefault(entity, ScalarRows(entity)).add(tick, float(value))
-
-    def all(self) -> Sequence[ScalarRows]:
-        """Return all rows."""
-        return tuple(self._rows.values())
+                    self._rows.of(SERVICES, port=port, field=name).add(tick, float(value))
 
 
 def _numeric_fields(message: Message) -> Iterable[tuple[str, object]]:
@@ -62,10 +61,6 @@ def _curves_of(sample: ProbeSample) -> list[tuple[str, float]]:
     return gases + wind
 
 
-ARROWS_PER_SIDE = 15
-ARROW_RADIUS_SPACINGS = 0.04
-
-
 class WindLayer:
     """The arrows of one layer of an environment's wind.
 
@@ -73,11 +68,11 @@ class WindLayer:
     """
 
     def __init__(self, environment: Environment, height_m: float, *, like: "WindLayer | None" = None) -> None:
-        """Look at a layer.
+        """Choose the arrows of a layer.
 
         Args:
-            height_m: At which height [m].
-            like: Whose scale the arrows have; absent: one of their own.
+            height_m: Height of the layer [m].
+            like: Layer that sets the scale of the arrows; absent: a scale of their own.
         """
         plan = PlanView.of(environment, height_m)
         cells, spacing = space_arrows(~plan.solid, ARROWS_PER_SIDE)
@@ -103,7 +98,7 @@ class WindLayer:
         return (self._centres_m - vectors_m / 2).astype(np.float32), vectors_m.astype(np.float32)
 
     def draw(self, file: RecordingFile, entity: str, *, is_one_of_many: bool = False) -> None:
-        """Draw what all frames share; steady wind as a whole, where it is the only one."""
+        """Draw the look of all frames; steady wind as a whole, where it is the only one."""
         is_steady = self.is_steady and not is_one_of_many
         origins_m, vectors_m = self.arrows_m(0) if is_steady else (None, None)
         radius_m = ARROW_RADIUS_SPACINGS * self.spacing_m
@@ -111,7 +106,7 @@ class WindLayer:
         file.draw(entity, arrows)
 
 
-class WindRows(Rows[tuple[WindLayer, int]]):
+class WindRows:
     """The arrows over time: a row wherever the frame of the wind or the room changes; none where all is steady.
 
     Args:
@@ -119,47 +114,34 @@ class WindRows(Rows[tuple[WindLayer, int]]):
         later: Those of later rooms, by situation.
     """
 
-    def __init__(
-        self, entity: str, layer: WindLayer, later: Mapping[EnvironmentVariant, WindLayer] | None = None
-    ) -> None:
-        super().__init__(entity)
+    def __init__(self, rows: RecordingRows, layer: WindLayer, later: Mapping[EnvironmentVariant, WindLayer]) -> None:
+        self._rows = rows.of(WIND_ARROWS)
         self._layer = layer
-        self._later = later or {}
+        self._later = later
         self._last: tuple[WindLayer, int] | None = None
+        layer.draw(rows.file, WIND_ARROWS.entity, is_one_of_many=bool(later))
 
-    def draw(self, file: RecordingFile) -> None:
-        """Draw what all rows share; the whole wind where it is always the same."""
-        self._layer.draw(file, self._entity, is_one_of_many=bool(self._later))
-
-    def add_wind(self, tick: int, time_s: float, variant: EnvironmentVariant | None = None) -> None:
-        """Take note of the wind's time [s] at the end of a tick, and of the situation then."""
+    def add(self, tick: int, time_s: float, variant: EnvironmentVariant) -> None:
+        """Append the arrows of the wind's time [s] and the situation at the end of a tick, if they are new."""
         if self._layer.is_steady and not self._later:
             return
-        layer = self._later.get(variant, self._layer) if variant is not None else self._layer
+        layer = self._later.get(variant, self._layer)
         shown = (layer, layer.wind.frame_at(time_s))
         if shown != self._last:
             self._last = shown
-            self.add(tick, shown)
-
-    def _columns(self, items: Sequence[tuple[WindLayer, int]]) -> rr.ComponentColumnList:
-        arrows_m = [layer.arrows_m(frame) for layer, frame in items]
-        columns = rr.Arrows3D.columns(
-            origins=np.concatenate([origins_m for origins_m, _ in arrows_m]),
-            vectors=np.concatenate([vectors_m for _, vectors_m in arrows_m]),
-        )
-        return columns.partition([len(origins_m) for origins_m, _ in arrows_m])
+            self._rows.add(tick, layer.arrows_m(shown[1]))
 
 
 class ContactRows:
     """Contacts of one vehicle: lines of a log with their duration, and points where they began.
 
-    The log has every one. Points are where the vehicle was when it came against something else than a floor, the first
-    one of each thing with its name.
+    The log has every one. Points mark the vehicle's position at contacts with anything but a floor, the first one of
+    each thing with its name.
     """
 
-    def __init__(self, agent: str, markers: MarkerRows, log: TextRows, *, tick_ns: int, floors: Iterable[str]) -> None:
-        self._agent = agent
-        self._markers = markers
+    def __init__(self, agent: AgentRows, log: Rows, *, tick_ns: int, floors: Iterable[str]) -> None:
+        self._agent = agent.names.agent.name
+        self._marks = agent.of(MARKS)
         self._log = log
         self._tick_ns = tick_ns
         self._floors = frozenset(floors)
@@ -167,7 +149,7 @@ class ContactRows:
         self._named: set[str] = set()
 
     def add(self, tick: int, body: BodyState) -> None:
-        """Take note of what a vehicle touches at the end of a tick."""
+        """Append the contacts that begin or end in a tick."""
         if not body.contacts and not self._since:
             return
         for thing in body.contacts:
@@ -184,104 +166,65 @@ class ContactRows:
         if not is_floor:
             label = "" if thing in self._named else f"touches {thing}"
             self._named.add(thing)
-            self._markers.add(tick, Marker(body.position_world_m, label, colors.CONTACT))
-
-
-_SOURCE_RADIUS_M = 0.14
+            self._marks.add(tick, Marker(body.position_world_m, label, colors.CONTACT))
 
 
 class EventMarkRows:
-    """Points with the words of what has happened there; events that are nowhere in the room have none."""
+    """Points with the texts of events at their places; events without a place in the room have none."""
 
-    def __init__(self, scenario: Scenario, agents: Mapping[str, AgentRows]) -> None:
+    def __init__(self, rows: RecordingRows, scenario: Scenario, agents: Mapping[str, AgentRows]) -> None:
+        self._rows = rows
         self._scenario = scenario
         self._agents = agents
         self._places_m = [source.position_m for source in scenario.gas.sources]
-        self._sources = [MarkerRows(entity, radius_m=_SOURCE_RADIUS_M) for entity in source_events(scenario)]
 
     def add(self, tick: int, inbox: Inbox) -> None:
-        """Mark what takes effect in a tick."""
+        """Mark the events that take effect in a tick."""
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceEventSpec):
                 if isinstance(event, SourceMovesSpec):
                     self._places_m[event.source] = event.to_m
                 marker = Marker(self._places_m[event.source], event.text, colors.SOURCE)
-                self._sources[event.source].add(tick, marker)
+                self._rows.of(SOURCE_MARKS, source=str(event.source)).add(tick, marker)
             elif event.about_agent is not None:
                 agent = self._agents[event.about_agent]
-                agent.markers.add(tick, Marker(agent.position_m, event.text, agent.names.color))
-
-    def all(self) -> Sequence[MarkerRows]:
-        """Return all rows but those of agents."""
-        return self._sources
+                agent.mark(tick, agent.position_m, event.text)
 
 
-_MARK_RADIUS_M = 0.06
+class DoorRows:
+    """All doors of a run as boxes in the room and on the map, with a mark for each event that moves one.
 
+    A door has a row with its box when it closes, and one without when it opens. `room` is the room as it is now.
+    """
 
-class DoorRows(Rows[bool]):
-    """A box over time: a row with it where it is closed from a tick on, one without where it is open."""
-
-    def __init__(self, entity: str, box: Box) -> None:
-        super().__init__(entity)
-        self._box = box
-
-    def draw(self, file: RecordingFile) -> None:
-        """Draw how it looks while it is closed."""
-        file.draw(self._entity, door_look(self._box))
-
-    def _columns(self, items: Sequence[bool]) -> rr.ComponentColumnList:
-        low_m, high_m = np.array(self._box.min_m), np.array(self._box.max_m)
-        n_closed = sum(items)
-        columns = rr.Boxes3D.columns(
-            centers=np.tile((low_m + high_m) / 2, (n_closed, 1)),
-            half_sizes=np.tile((high_m - low_m) / 2, (n_closed, 1)),
-        )
-        return columns.partition([int(is_closed) for is_closed in items])
-
-
-class AllDoorRows:
-    """All doors of a run, with a mark for each event that moves one; `room` is the room as it is now."""
-
-    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+    def __init__(self, rows: RecordingRows, scenario: Scenario, environment: Environment) -> None:
+        """Draw the look of the doors, and those that are closed at the start."""
+        self._rows = rows
         self._scenario = scenario
         self.room = DynamicEnvironment(environment, scenario)
         self._boxes = {box.name: box for box in find_door_boxes(environment)}
         height_m = scenario.slice_height_m
-        self._rows = {
-            name: (
-                DoorRows(DOORS.at(door=name), box),
-                *(
-                    (DoorRows(f"map/doors/{name}", flat_box(environment, box, height_m)),)
-                    if is_cut(box, height_m)
-                    else ()
-                ),
-            )
-            for name, box in self._boxes.items()
-        }
-        self._marks = {
-            name: MarkerRows(f"{DOORS.at(door=name)}/events", radius_m=_MARK_RADIUS_M) for name in self._boxes
-        }
-
-    def draw(self, file: RecordingFile) -> None:
-        """Draw how doors look, and note which are closed at the start."""
-        for name, all_rows in self._rows.items():
-            for rows in all_rows:
-                rows.draw(file)
-                rows.add(0, name in self.room.variant.closed)
+        shown = [(DOORS.at(door=name), box) for name, box in self._boxes.items()]
+        cut = [box for box in self._boxes.values() if is_cut(box, height_m)]
+        shown += [(f"map/doors/{box.name}", flat_box(environment, box, height_m)) for box in cut]
+        self._shown = [(box, rows.at(entity, boxes)) for entity, box in shown]
+        for box, drawn in self._shown:
+            rows.file.draw(drawn.entity, door_look(box))
+        self._add_boxes(0)
 
     def add(self, tick: int, inbox: Inbox) -> None:
-        """Take note of the doors that move in a tick."""
+        """Append the doors if one moves in a tick, and mark the events."""
         if self.room.obey(inbox):
-            for name, all_rows in self._rows.items():
-                for rows in all_rows:
-                    rows.add(tick, name in self.room.variant.closed)
+            self._add_boxes(tick)
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, DoorEventSpec) and event.door in self._boxes:
                 box = self._boxes[event.door]
                 x_m, y_m = ((box.min_m[axis] + box.max_m[axis]) / 2 for axis in (0, 1))
-                self._marks[event.door].add(tick, Marker((x_m, y_m, box.max_m[2]), event.text, colors.READING))
+                marks = self._rows.at(
+                    f"{DOORS.at(door=event.door)}/events", partial(markers, radius_m=DOOR_MARK_RADIUS_M)
+                )
+                marks.add(tick, Marker((x_m, y_m, box.max_m[2]), event.text, colors.READING))
 
-    def all(self) -> Sequence[Rows[Any]]:
-        """Return all rows."""
-        return [*(rows for all_rows in self._rows.values() for rows in all_rows), *self._marks.values()]
+    def _add_boxes(self, tick: int) -> None:
+        for box, rows in self._shown:
+            rows.add(tick, box if box.name in self.room.variant.closed else None)

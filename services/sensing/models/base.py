@@ -28,6 +28,19 @@ from gslcosim.scenario.models.sensors import (
 )
 from gslcosim_services.sensing.ray_scene import RayScene
 
+new_reading = build_unchecked_constructor(Reading)
+"""Makes a `Reading` of values with known types; for models that are read at every tick."""
+
+Estimator = Callable[[Reading], Reading]
+ESTIMATE_SUFFIX = "_ppm"
+_MAX_NAME_LENGTH = 40
+
+Floats = MutableSequence[float]
+"""A row of numbers of a kernel: a list in a run, an array in a batch."""
+
+# Indices in the state of a memory of some length of time: number of ticks seen, their sum, and the ring of its ticks.
+N_SEEN, _SUM, RING = range(3)
+
 
 class SensorModel(Protocol):
     """One instrument on one vehicle, new in every run; it is read once a tick, from tick 0 on."""
@@ -40,15 +53,6 @@ class SensorModel(Protocol):
             mount_velocity_world_m_s: Velocity of the mount, world frame [m/s].
         """
         ...
-
-
-new_reading = build_unchecked_constructor(Reading)
-"""Makes a `Reading` of values with known types; for models that are read at every tick."""
-
-Estimator = Callable[[Reading], Reading]
-
-ESTIMATE_SUFFIX = "_ppm"
-_MAX_NAME_LENGTH = 40
 
 
 @cache  # called in every tick
@@ -110,9 +114,6 @@ class SensorKernel:
     state: tuple[float, ...] = ()
     n_values: int = 1
 
-
-Floats = MutableSequence[float]
-"""A row of numbers of a kernel: a list in a run, an array in a batch."""
 
 Kind = TypeVar("Kind", bound=SensorKind)
 
@@ -198,10 +199,6 @@ class KernelSensor:
             values=tuple(values),
             is_saturated=True if is_saturated else False,  # noqa: SIM210 - whatever another package's returns
         )
-
-
-# Indices in the state of a memory of some length of time: number of ticks seen, their sum, and the ring of its ticks.
-N_SEEN, _SUM, RING = range(3)
 
 
 def new_window(time_s: float, tick_s: float) -> tuple[float, ...]:

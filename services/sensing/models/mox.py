@@ -28,6 +28,11 @@ _TABLE = (
     ("tgs2620", 3000.0, 21.0, 2.96, 15.71),
 )
 
+# Indices among the parameters of a sensor's kernel; A and B of each gas follow, 0 and 0 for a gas without effect.
+_R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _NOISE, _WALK_STEP, _LAWS = range(7)
+# Resistances closer than this to clean air are not taken for gas: ten standard deviations of the default noise.
+CLEAN_BAND_FRAC = 0.03
+
 
 @dataclass(frozen=True, kw_only=True)
 class MoxParameters:
@@ -69,12 +74,6 @@ def build_mox_parameters(definitions: tuple[GasDefinition, ...] = ()) -> dict[st
 
 
 MOX_PARAMETERS = build_mox_parameters()
-
-
-# Indices among the parameters of a sensor's kernel; A and B of each gas follow, 0 and 0 for a gas without effect.
-_R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _NOISE, _WALK_STEP, _LAWS = range(7)
-# Resistances closer than this to clean air are not taken for gas: ten standard deviations of the default noise.
-CLEAN_BAND_FRAC = 0.03
 
 
 def build_mox_kernel(

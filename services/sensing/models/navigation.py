@@ -30,6 +30,10 @@ from gslcosim_services.sensing.models.base import (
 QUANTITY = "specific_force, angular_velocity"
 UNIT = "m/s^2, rad/s"
 
+# International standard atmosphere: lapse rate [K/m], and exponent g M / (R L).
+LAPSE_K_M = 0.0065
+ISA_EXPONENT = 5.25588
+
 
 class Imu:
     """Strapped down at its mount, axes as the body's: values = (fx, fy, fz, wx, wy, wz), means over the tick.
@@ -131,11 +135,6 @@ IMU = make_kind(
     "IMU: values = (fx, fy, fz, wx, wy, wz), means over the tick; array = its samples, (n, 6). Body frame.",
     build=Imu, n_with_errors=0,
 )  # fmt: skip
-
-
-# International standard atmosphere: lapse rate [K/m], and exponent g M / (R L).
-LAPSE_K_M = 0.0065
-ISA_EXPONENT = 5.25588
 
 
 class Gps:

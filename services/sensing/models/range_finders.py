@@ -24,6 +24,9 @@ from gslcosim.scenario.models.sensors import (
 )
 from gslcosim_services.sensing.models.base import SensorKind, Surroundings, make_kind, new_window, push_count
 
+# Front, left, back, right.
+FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+
 
 class Bumper:
     """values = (1 or 0,): whether anything touched the vehicle in the last `period_s`; without a period, in the tick.
@@ -94,10 +97,6 @@ CAMERA_KINDS = tuple(
     )
 )
 CAMERAS_BY_NAME = {kind.name: kind for kind in CAMERA_KINDS}
-
-
-# Front, left, back, right.
-FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 
 
 class RangeSensor:

@@ -16,7 +16,8 @@ from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder import run_recording
 from gslcosim_services.recorder.core import FLUSH_TICKS, RecorderCore
 from gslcosim_services.recorder.rerun_cli import is_complete, run_rerun
-from gslcosim_services.recorder.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
+from gslcosim_services.recorder.rows.agents import TRACK_STRIP_TICKS
+from gslcosim_services.recorder.rows.gas import MAX_FILAMENTS
 
 EVERY_TICK = (
     "/vehicles/agent_0",

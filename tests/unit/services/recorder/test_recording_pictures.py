@@ -16,8 +16,9 @@ from gslcosim.environment.plan_view import MAX_LENGTH_SPACINGS
 from gslcosim_services.recorder import blueprint
 from gslcosim_services.recorder.blueprint import summary_text, title
 from gslcosim_services.recorder.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
-from gslcosim_services.recorder.rows.columns import BIRTH_OPACITY, FilamentRows, SliceRows
+from gslcosim_services.recorder.rows.columns import RecordingRows
 from gslcosim_services.recorder.rows.events import ARROWS_PER_SIDE, WindLayer
+from gslcosim_services.recorder.rows.gas import BIRTH_OPACITY, GasRows
 from gslcosim_services.recorder.scene import slice_height_m
 
 
@@ -36,7 +37,7 @@ class Listener:
             self.sent[column.component_descriptor().component] = column.as_arrow_array().to_pylist()
 
 
-def _cloud(sigmas_m):
+def _cloud(sigmas_m, slices=()):
     n = len(sigmas_m)
     return FilamentCloud(
         tick=0,
@@ -44,14 +45,20 @@ def _cloud(sigmas_m):
         position_world_m=NumericArray.from_array(np.zeros((n, 3), np.float32)),
         sigma_m=NumericArray.from_array(np.array(sigmas_m, np.float32)),
         gas_index=NumericArray.from_array(np.zeros(n, np.uint8)),
+        slices=slices,
     )
 
 
+def _sent(cloud):
+    listener = Listener()
+    rows = RecordingRows(listener)
+    GasRows(rows, scenario()).add(0, cloud)
+    rows.send()
+    return listener.sent
+
+
 def _drawn_rgba(sigmas_m):
-    rows, listener = FilamentRows("gas", scenario()), Listener()
-    rows.add(0, _cloud(sigmas_m))
-    rows.send(listener)
-    packed = np.array(listener.sent["GaussianSplats3D:colors"][0], dtype=np.uint32)
+    packed = np.array(_sent(_cloud(sigmas_m))["GaussianSplats3D:colors"][0], dtype=np.uint32)
     return np.stack([(packed >> shift) & 0xFF for shift in (24, 16, 8, 0)], axis=-1)
 
 
@@ -84,19 +91,14 @@ def test_a_slice_is_drawn_with_north_up_and_east_right():
     ppm = np.zeros((4, 3), np.float32)
     ppm[3, 2] = 10.0
     ppm[0, 0] = 1.0
-    rows, listener = SliceRows("slice", GasScale(max_ppm=10.0)), Listener()
-    rows.add(
-        0,
-        ConcentrationSlice(
-            gas="ethanol",
-            origin_m=(0.0, 0.0),
-            cell_m=0.5,
-            height_m=2.0,
-            mixing_ratio_ppm=NumericArray.from_array(ppm),
-        ),
+    layer = ConcentrationSlice(
+        gas="ethanol",
+        origin_m=(0.0, 0.0),
+        cell_m=0.5,
+        height_m=2.0,
+        mixing_ratio_ppm=NumericArray.from_array(ppm),
     )
-    rows.send(listener)
-    picture = np.array(listener.sent["GridMap:data"][0][0], np.uint8).reshape(3, 4)
+    picture = np.array(_sent(_cloud([0.1], (layer,)))["GridMap:data"][0][0], np.uint8).reshape(3, 4)
     assert picture.tolist() == [[0, 0, 0, 255], [0, 0, 0, 0], [170, 0, 0, 0]]
 
 

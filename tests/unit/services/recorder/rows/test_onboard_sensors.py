@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from contract_examples import EXAMPLES
+from scripted_flight import scenario
 
 from gslcosim.contract.messages import Reading
 from gslcosim.contract.record import NumericArray
-from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RowTiming
+from gslcosim_services.recorder.entities import build_entities
+from gslcosim_services.recorder.rows.columns import RecordingRows
+from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, PoseHistory, RangeRows
 
 TICK_NS = 100_000_000
 BODY = (
@@ -30,49 +32,52 @@ class SentRows:
         self.sent.append((entity, list(ticks), list(columns)))
 
 
+def make_sensor(**block):
+    (names,) = build_entities(scenario(sensors=(block,)))
+    ((spec, _),) = names.on_board_sensors
+    file = SentRows()
+    return names, spec, PoseHistory([spec], TICK_NS), RecordingRows(file), file
+
+
 def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
-    spec = make_sensor_spec(
+    names, spec, poses, rows, file = make_sensor(
         model="lidar_2d", name="scan", mount_m=(0, 0, 0.5), max_range_m=5.0, lidar={"n_azimuths": 4}
     )
-    poses = PoseHistory([spec], TICK_NS)
-    rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
+    scans = RangeRows(rows, names, spec, poses, TICK_NS)
     ranges = NumericArray.from_array(np.array([[1.0, 5.0, 2.0, 5.0]], np.float32))
     scan = Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges)
     poses.add(3, BODY)
-    rows.add_reading(3, scan)
-    rows.add_reading(4, scan.model_copy(update={"array": None}))
-    rows.send(file)
-    rows.send(file)
+    scans.add_reading(3, scan)
+    scans.add_reading(4, scan.model_copy(update={"array": None}))
+    rows.send()
+    rows.send()
     ((entity, ticks, (column,)),) = file.sent
-    assert (entity, ticks) == ("seen/a/scan", [3])
+    assert (entity, ticks) == ("seen/agent_0/scan", [3])
     points_m = np.array(column.as_arrow_array().to_pylist()[0])
     assert points_m == pytest.approx(np.array([[-1.0, 0.0, 2.5], [2.0, 0.0, 2.5]]), abs=1e-6)
 
 
 def test_a_scan_that_is_sent_again_because_a_command_is_awaited_is_recorded_once():
-    spec = make_sensor_spec(model="lidar_2d", name="scan", period_s=0.5, lidar={"n_azimuths": 1})
-    poses = PoseHistory([spec], TICK_NS)
-    rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
+    names, spec, poses, rows, file = make_sensor(model="lidar_2d", name="scan", period_s=0.5, lidar={"n_azimuths": 1})
+    scans = RangeRows(rows, names, spec, poses, TICK_NS)
     ranges = NumericArray.from_array(np.ones((1, 1), np.float32))
     for tick in range(8):
         poses.add(tick, BODY)
-        rows.add_reading(tick, Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges))
-    rows.send(file)
+        scans.add_reading(tick, Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges))
+    rows.send()
     assert [ticks for _, ticks, _ in file.sent] == [[0, 5]]
 
 
 def test_a_picture_that_is_sent_twice_is_recorded_once():
-    spec = make_sensor_spec(model="camera", name="eye")
-    poses = PoseHistory([spec], TICK_NS)
+    names, spec, poses, rows, file = make_sensor(model="camera", name="eye")
     image = EXAMPLES["images"].frames[0].image
     reading = Reading(sensor="eye", quantity="picture", unit="1", values=(), image=image)
-    rows, file = ImageRows("seen/a/eye", spec, poses, (255, 0, 0)), SentRows()
+    images = ImageRows(rows, names, spec, poses)
     poses.add(64, BODY)
-    rows.add_reading(64, reading)
-    rows.send(file)
-    rows.add_reading(65, reading)
-    rows.add_reading(66, reading.model_copy(update={"image": image.model_copy(update={"taken_tick": 66})}))
-    rows.send(file)
-    # A row of the picture, and one of where it hangs.
-    assert [ticks for _, ticks, _ in file.sent] == [[64], [64], [66], [66]]
-    assert file.drawn == ["seen/a/eye"]
+    images.add_reading(64, reading)
+    rows.send()
+    images.add_reading(65, reading)
+    images.add_reading(66, reading.model_copy(update={"image": image.model_copy(update={"taken_tick": 66})}))
+    rows.send()
+    assert [ticks for _, ticks, _ in file.sent] == [[64], [66]]
+    assert file.drawn == ["seen/agent_0/eye"]

@@ -3,6 +3,7 @@
 from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples
 from gslcosim.contract.messages import GasAmount
 from gslcosim.scenario import load_scenario
+from gslcosim_services.recorder.rows.columns import RecordingRows
 from gslcosim_services.recorder.rows.events import ServiceRows
 
 
@@ -19,7 +20,9 @@ class RowsOnPaper:
 
 def test_each_gas_and_each_axis_of_the_wind_at_a_probe_is_a_curve():
     probes = "probes=[{name: inlet, position_m: [1, 1, 1]}, {name: outlet, position_m: [2, 2, 1]}]"
-    rows, file = ServiceRows(load_scenario("tiny_room", overrides=[probes]).scenario), RowsOnPaper()
+    file = RowsOnPaper()
+    rows = RecordingRows(file)
+    services = ServiceRows(rows, load_scenario("tiny_room", overrides=[probes]).scenario)
     for tick in (3, 4):
         samples = tuple(
             ProbeSample(
@@ -29,9 +32,8 @@ def test_each_gas_and_each_axis_of_the_wind_at_a_probe_is_a_curve():
             )
             for name in ("inlet", "outlet")
         )
-        rows.add(tick, {"truth/probes": ProbeSamples(tick=tick, samples=samples)})
-    for row in rows.all():
-        row.send(file)
+        services.add(tick, {"truth/probes": ProbeSamples(tick=tick, samples=samples)})
+    rows.send()
     curves = ("ethanol_ppm", "wind_x_m_s", "wind_y_m_s", "wind_z_m_s")
     root = "plots/services/truth/probes"
     assert file.rows == {f"{root}/{name}/{curve}": [3, 4] for name in ("inlet", "outlet") for curve in curves}
