@@ -1,7 +1,7 @@
-"""Records, which all messages are made of: frozen structs with checked fields, numbers, names and numeric arrays.
+"""Records, of which all messages are made: frozen structs with checked fields, numbers, names and numeric arrays.
 
-A record is a msgspec struct, which is made, written and read without a look at its limits. The limits stand in its
-annotations, in pydantic's words; a pydantic model of the same fields is made from them when it is first asked for.
+A record is a msgspec struct, which is built, encoded and decoded without a check of its limits. The limits are part of
+its annotations, in pydantic's notation; a pydantic model of the same fields is derived from them on first use.
 """
 
 import difflib
@@ -39,8 +39,8 @@ _CONFIG = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=Fal
 def get_pydantic_model(record: type[msgspec.Struct]) -> type[BaseModel]:
     """Return the pydantic model of a record: its fields with their limits, and its JSON Schema.
 
-    A record may say `json_schema_extra()`, words of JSON Schema that stand beside its fields, and `check_together()`,
-    which raises ValueError where fields do not go together.
+    A record may define `json_schema_extra()`, keywords of JSON Schema beside its fields, and `check_together()`, which
+    raises ValueError where fields are inconsistent.
     """
     fields: dict[str, Any] = {field.name: (field.type, _get_default(field)) for field in msgspec.structs.fields(record)}
     config = _CONFIG.copy()
@@ -72,13 +72,13 @@ def validate_json(record: type[AnyStruct], text: bytes) -> AnyStruct:
     """Return the record in a JSON object.
 
     Raises:
-        pydantic.ValidationError: as `validate_fields`, or it is no JSON object.
+        pydantic.ValidationError: as `validate_fields`, or the text is not a JSON object.
     """
     return _build_constructor(record)(get_pydantic_model(record).model_validate_json(text))
 
 
 def build_core_schema(record: type[msgspec.Struct], handler: GetCoreSchemaHandler) -> CoreSchema:
-    """Return how pydantic checks a record that is part of another: one that is made already passes as it is."""
+    """Return pydantic's schema for a record that is part of another; an existing record passes unchecked."""
     make = _build_constructor(record)
 
     def taken(value: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
@@ -119,19 +119,19 @@ Fields = ParamSpec("Fields")
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class RecordType(msgspec.StructMeta):
-    """The type of record classes: frozen structs whose constructor checks all fields, and takes them by name."""
+    """Metaclass of records: frozen structs whose constructor takes all fields by name and checks them."""
 
     def __new__(mcls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> "RecordType":
-        """Make a class of records."""
+        """Create a class of records."""
         return super().__new__(mcls, name, bases, namespace, frozen=True, kw_only=True)
 
-    if not TYPE_CHECKING:  # type checkers know the constructor by the fields
+    if not TYPE_CHECKING:  # type checkers derive the constructor from the fields
 
         def __call__(cls, **fields: Any) -> Any:  # noqa: N805 - of a metaclass
-            """Make a record; positions and the like may be lists and numpy arrays.
+            """Build a record; positions and the like may be lists and numpy arrays.
 
             Raises:
-                TypeError: a keyword that there is not, with the nearest that there is.
+                TypeError: an unknown keyword; the error names the nearest field.
                 ValueError: a field is missing, of the wrong type, or out of its limits.
             """
             unknown = next((name for name in fields if name not in cls.__struct_fields__), None)
@@ -146,14 +146,14 @@ class RecordType(msgspec.StructMeta):
 
 def _describe_unknown_keyword(record: type[msgspec.Struct], keyword: str) -> str:
     known = record.__struct_fields__
-    # A name without its unit or frame is much shorter: what begins like it is nearer than what sounds like it.
+    # A name without its unit or frame is much shorter: the same beginning is a better sign than a similar spelling.
     begun = [name for name in known if name.startswith(keyword.split("_", maxsplit=1)[0])]
     near = difflib.get_close_matches(keyword, begun, n=1, cutoff=0.0) or difflib.get_close_matches(keyword, known, n=1)
     remedy = f"Did you mean {near[0]}?" if near else f"There are {', '.join(known)}."
     return f"{record.__name__}: expected one of its fields, was the keyword '{keyword}'. {remedy}"
 
 
-# What numpy and lists give, as messages have it: tuples of Python's numbers.
+# Convert numpy values and lists to the types of messages: tuples of Python's numbers.
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return _from_numpy(cast(Any, value).tolist())
@@ -165,7 +165,7 @@ def _from_numpy(value: Any) -> Any:
 def build_unchecked_constructor(record: Callable[Fields, AnyRecord]) -> Callable[Fields, AnyRecord]:
     """Return the constructor of a record without its checks, at a tenth of the cost.
 
-    For who makes records at every tick of values whose types are known: reals are floats, not whole numbers or numpy's.
+    For records that are built at every tick from values of known types: reals are floats, not whole numbers or numpy's.
     """
     return partial(msgspec.StructMeta.__call__, cast(Any, record))
 
@@ -179,11 +179,11 @@ class Record(msgspec.Struct, metaclass=RecordType):
         return self
 
     def check_together(self) -> None:
-        """Raise ValueError where fields do not go together; each field has been checked."""
+        """Raise ValueError where fields are inconsistent; each field has been checked by itself."""
 
     @classmethod
     def json_schema_extra(cls) -> dict[str, JsonValue]:
-        """Return words of JSON Schema that stand beside the fields."""
+        """Return keywords of JSON Schema that stand beside the fields."""
         return {}
 
     @classmethod
@@ -218,7 +218,7 @@ class Record(msgspec.Struct, metaclass=RecordType):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Tell pydantic how a record is checked that is part of something else."""
+        """Return the schema by which pydantic checks a record that is part of another model."""
         return build_core_schema(cls, handler)
 
 
@@ -260,7 +260,7 @@ DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "i
 MAX_DIMENSIONS = 8
 _DTYPES_BY_NAME = {name: np.dtype(code) for name, code in DTYPES.items()}
 _NAMES_BY_DTYPE = {dtype: name for name, dtype in _DTYPES_BY_NAME.items()}
-# Products of longer ones may run in several threads.
+# Dot products of longer ones may run in several threads.
 _SHORT_ARRAY_BYTES = 4096
 
 
@@ -274,7 +274,7 @@ def _check_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def _check_data(data: bytes, info: ValidationInfo) -> bytes:
     name, shape = info.data.get("dtype"), info.data.get("shape")
-    if name is None or shape is None:  # which is wrong already
+    if name is None or shape is None:  # which is reported already
         return data
     dtype = _DTYPES_BY_NAME[name]
     # With Python's own integers: numpy's wrap around, and a hostile shape would pass for an empty one.
@@ -286,7 +286,7 @@ def _check_data(data: bytes, info: ValidationInfo) -> bytes:
     return data
 
 
-# One product takes a fraction of the time of asking each number; where the squares overflow, each is asked.
+# One dot product takes a fraction of the time of testing each number; where the squares overflow, each is tested.
 def _are_finite(values: NDArray[np.floating]) -> bool:
     is_sure = len(values) <= _SHORT_ARRAY_BYTES and math.isfinite(np.vdot(values, values))
     return is_sure or bool(np.isfinite(values).all())
@@ -304,7 +304,7 @@ class NumericArray(Record):
         """Copy a numpy array of one of the five dtypes into a message field."""
         name = _NAMES_BY_DTYPE.get(array.dtype) or array.dtype.name
         if name not in DTYPES or (array.dtype.kind == "f" and not _are_finite(array.ravel())):
-            return cls(dtype=cast(Any, name), shape=array.shape, data=array.tobytes())  # which is refused
+            return cls(dtype=cast(Any, name), shape=array.shape, data=array.tobytes())  # and is rejected
         data = array.astype(_DTYPES_BY_NAME[name], copy=False).tobytes()
         return cast(Self, _new_array(dtype=cast(Any, name), shape=array.shape, data=data))
 
