@@ -1,4 +1,4 @@
-"""Argument parser with its commands, and arguments that several of them take: paths of runs, and scenarios."""
+"""Argument parser with its commands, and arguments shared by several of them: paths of runs, and scenarios."""
 
 import argparse
 import difflib
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     from gslcosim.scenario.loader import RandomPosition
     from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 
-# Its value may begin with a minus.
+# The value may begin with a minus.
 _SORT = "--sort"
-# Words that may stand for an argument, from the beginning of the word and the arguments before it.
+# Candidates for an argument, from the prefix of the word and the arguments before it.
 FindWords = Callable[[str, argparse.Namespace], Iterable[str]]
 Run = Callable[[argparse.Namespace], int]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """One command: its name, what it does, examples, its arguments, and the call that returns the exit code.
+    """One command: name, summary, examples, arguments, and the call that returns the exit code.
 
     Attributes:
-        old_name: What is still understood in place of its name and its family's, such as `sweep`.
-        is_computing: Whether it loads all that a run needs.
-        completes: Words that a shell offers for an argument, by its name in the help or by an option. What is not here
-            has those of `gslcosim.cli.completion_words`, or is a number or a text of the user.
+        old_name: Former name that is still accepted in place of the new name and its family's, such as `sweep`.
+        is_computing: The command loads everything that a run needs.
+        completes: Words that a shell offers for an argument, by its name in the help or by an option. Arguments that
+        are not here have those of `gslcosim.cli.completion_words`, or are numbers or free text.
     """
 
     name: str
@@ -58,7 +58,7 @@ class CommandFamily:
 
     Attributes:
         summary: Clause for the help; empty where the parts join the family of another package.
-        default: Name of the part that is meant where none is named; absent: one must be.
+        default: Name of the default part; without one, a part must be named.
     """
 
     name: str
@@ -79,10 +79,10 @@ class CommandGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandOptions:
-    """Options that an extension adds to a command of another package, registered by its words: `bench.run`.
+    """Options that an extension adds to a command of another package, registered by the command's words: `bench.run`.
 
     Attributes:
-        run: Called with the parsed words and with the call of the command, which it makes or replaces.
+        run: Called with the parsed words and with the command's call, which it makes or replaces.
         completes: As of a `Command`.
     """
 
@@ -92,11 +92,11 @@ class CommandOptions:
 
 
 def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
-    """Return groups of which no two have one title, and families of which no two have one name.
+    """Return groups with unique titles, in which families have unique names.
 
     Args:
-        groups: In the order of the help; commands of a title stand in this order too. Of two commands of one name the
-            first counts. A family has the summary and the first parts from the one that has a summary.
+        groups: In the order of the help; commands of a title keep this order too. Of two commands with one name the
+            first counts. A family takes its summary and its first parts from the one that has a summary.
     """
     merged: dict[str, dict[str, Command | CommandFamily]] = {}
     for group in groups:
@@ -111,17 +111,17 @@ def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are ours to write."""
+    """An argument parser that reports errors as `UsageError`."""
 
     def __init__(self, **options: Any) -> None:
-        """Take what an argument parser takes."""
+        """Accept the options of an argument parser."""
         super().__init__(**options)
-        # From Python 3.14 on help has escape sequences of its own, which our output would show as text.
+        # From Python 3.14 on help contains escape sequences, which our output would show as text.
         self.color = False
         self.completes: Mapping[str, Sequence[FindWords]] = {}
 
     def error(self, message: str) -> NoReturn:
-        """Raise what is wrong with the call."""
+        """Raise the error of a call."""
         raise UsageError(f"{self.prog}: {message}{'' if message[-1] in '.?' else '.'} See {self.prog} --help.")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -130,7 +130,7 @@ class Parser(argparse.ArgumentParser):
             hint = _hint(str(value), {text: text for text in known})
             raise argparse.ArgumentError(action, f"expected one of {', '.join(known)}, was '{value}'.{hint}")
 
-    # Python's own swallows what the machine refuses.
+    # Python's own method swallows errors of the stream.
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
         tell = write if file is sys.stdout else write_note
         tell(message.removesuffix("\n"))
@@ -150,7 +150,7 @@ def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | No
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"gslcosim {version}", help="print the version and exit")
-    # The epilog lists them, in groups.
+    # The epilog lists the commands, in groups.
     choices = parser.add_subparsers(
         dest="command", metavar="COMMAND", prog="gslcosim", parser_class=Parser, help=argparse.SUPPRESS
     )
@@ -200,7 +200,7 @@ def load_options(path: str) -> list[CommandOptions]:
 
 
 def _listing(groups: Sequence[CommandGroup]) -> str:
-    # As argparse does; its help of a command begins in column 24.
+    # As in argparse, where the help of a command begins in column 24.
     width = max(shutil.get_terminal_size().columns - 2, 40)
     lines = ["commands:"]
     for group in (each for each in groups if each.commands):
@@ -212,7 +212,7 @@ def _listing(groups: Sequence[CommandGroup]) -> str:
 
 
 def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[str, ...], Command]]":
-    """Yield all commands, those of families too, each with the words that call it."""
+    """Yield all commands, including those of families, each with the words that call it."""
     for each in (command for group in groups for command in group.commands):
         if isinstance(each, CommandFamily):
             yield from (((each.name, part.name), part) for part in each.parts)
@@ -221,7 +221,7 @@ def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[st
 
 
 def find_command_name(groups: Iterable[CommandGroup], words: Sequence[str]) -> str:
-    """Return the name of the command or family that a command line calls, by its old name too; else an empty text."""
+    """Return the name of the command or family that a command line calls, also by an old name; else an empty text."""
     groups = tuple(groups)
     if words[:1] and any(words[0] == command.name for group in groups for command in group.commands):
         return words[0]
@@ -253,7 +253,7 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     return arguments
 
 
-# One sentence for words that an extension has which is not installed.
+# Report words of an extension that is not installed in one sentence.
 def _check_installed(words: Sequence[str]) -> None:
     asked = " ".join(words)
     if remedy := find_remedy("commands", asked):
@@ -271,7 +271,7 @@ def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Se
     return words
 
 
-# The parser takes a value that begins with a minus for an option.
+# The parser would read a value that begins with a minus as an option.
 def _joined(words: Sequence[str]) -> list[str]:
     joined: list[str] = []
     for word in words:
@@ -290,7 +290,7 @@ def parse_whole_number(text: str) -> int:
 
 
 def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    """Return what reads a finite number from the command line."""
+    """Return a parser of finite numbers on the command line."""
 
     def parse_number(text: str) -> float:
         try:
@@ -326,7 +326,7 @@ def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> 
     return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{hint}"
 
 
-# The innermost command that the words name, such as `bench run`.
+# The innermost command named by the words, such as `bench run`.
 def _parser_of(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.ArgumentParser:
     for word in words:
         if word in (below := command_parsers(parser)):
@@ -340,7 +340,7 @@ def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.Argum
     return dict(actions[0].choices) if actions else {}
 
 
-# From what may be written to what is to be written for it.
+# `known` maps accepted words to the suggestion for each.
 def _hint(word: str, known: Mapping[str, str]) -> str:
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f" Did you mean {known[matches[0]]}?" if matches else ""
@@ -423,7 +423,7 @@ def add_override_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_pace_option(parser: argparse.ArgumentParser, default: str = "as fast as it goes") -> None:
-    """Add the option that lets simulated time follow the clock."""
+    """Add the option that ties simulated time to the clock."""
     parser.add_argument(
         "--pace",
         metavar="FACTOR",
@@ -436,12 +436,12 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
 
     Args:
         arguments: As parsed.
-        prepares_run: Whether the caller prepares a run, which then finds problems of the files that it reads.
+        prepares_run: The caller prepares a run, which reports problems of the files that it reads.
     """
     from gslcosim.scenario import load_scenario
     from gslcosim.scenario.checks.registry import list_scenario_checks
 
-    # Where services are started elsewhere, pictures are drawn there too.
+    # Where services start elsewhere, pictures are drawn there too.
     named = {name.strip() for words in getattr(arguments, "elsewhere", ()) for name in words.split(",")}
     return load_scenario(
         arguments.scenario,
@@ -456,7 +456,7 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
     )
 
 
-# What draws needs a compiler; most scenarios name their places.
+# Drawing needs a compiler; most scenarios give fixed positions.
 def _draw_places(
     spec: "EnvironmentSpec", wind: "SolverSpec", scenario_dir: Path, seed: int, wanted: "Sequence[RandomPosition]"
 ) -> "Mapping[str, Vec3]":

@@ -13,7 +13,7 @@ from gslcosim.runtime.replay.past_run import PastRun, find_environment
 
 
 def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:
-    """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas."""
+    """Write one recording of several runs, aligned by simulated time or by first contact with gas."""
     pasts = [PastRun.load(recording.parent) for recording in recordings]
     first = pasts[0]
     for past in pasts[1:]:
@@ -52,7 +52,7 @@ def _how_it_went(past: PastRun) -> str:
     return f"{reason} after {result.get('sim_time_s', 0.0):g} s{agents} ({past.run_dir.run_id})"
 
 
-# The first tick at which any of the others leaves the first.
+# The first tick at which one of the other runs differs from the first run.
 def _parting(pasts: Sequence[PastRun]) -> Divergence | None:
     folders = [past.run_dir.path for past in pasts]
     if not all((folder / DIGEST).is_file() for folder in folders):

@@ -1,4 +1,4 @@
-"""`gslcosim cache`: what the cache holds, by size and last use, and room on the disk by removing some of it."""
+"""`gslcosim cache`: contents of the cache, by size and last use; room on the disk by removal of entries."""
 
 import argparse
 import re

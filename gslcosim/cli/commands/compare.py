@@ -1,4 +1,4 @@
-"""`gslcosim compare`: whether two runs are equal to the bit, and if not, where they part."""
+"""`gslcosim compare`: bitwise comparison of two runs, with their first difference."""
 
 import argparse
 

@@ -1,4 +1,4 @@
-"""`gslcosim fork`: repeat a run up to some time, and go on another way from there."""
+"""`gslcosim fork`: repeat a run up to some time, and continue it with changes."""
 
 import argparse
 import contextlib
@@ -130,7 +130,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
 
 
 def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
-    """Return what sets the agents of a command line: the start of each, and no parameters, which were another's.
+    """Return overrides for the agents of a command line: the start of each, without the former agent's parameters.
 
     Args:
         scenario: The run's scenario.
@@ -151,7 +151,7 @@ def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
 
 
 def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
-    """Return what adds events to those of a run."""
+    """Return the override that adds events to those of a run."""
     from gslcosim.scenario.serialization import plain_values
 
     known = [json.dumps(event) for event in plain_values(scenario).get("events", [])]

@@ -1,4 +1,4 @@
-"""`gslcosim replay`: run a run again from its inputs."""
+"""`gslcosim replay`: repeat a run from its inputs."""
 
 import argparse
 

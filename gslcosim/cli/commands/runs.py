@@ -1,4 +1,4 @@
-"""`gslcosim runs`: the runs of folders as a table; those that meet conditions; removed, or made whole."""
+"""`gslcosim runs`: the runs in folders as a table, filtered by conditions; removal of runs, repair of recordings."""
 
 import argparse
 import dataclasses
@@ -26,20 +26,20 @@ from gslcosim.recordings.run_summary import Condition, RunSummary, is_run_folder
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunSummary))
 TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")
 NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
-# As the headings of the table have them.
+# As in the headings of the table.
 SHORT_NAMES = {"time": "time_s", "size": "size_mb", "age": "age_h"}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RowReader:
-    """Reader of folders that are no runs and have rows like runs: `is_own` says whether a folder is one of its own."""
+    """Reader of folders that are no runs and have rows like runs; `is_own` returns whether it can read a folder."""
 
     is_own: Callable[[Path], bool]
     read: Callable[[Path], Sequence[RunSummary]]
 
 
 def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """Return the runs in some folders, with the rows of folders that extensions read."""
+    """Return the runs in folders, with the rows of folders that extensions read."""
     facts: list[RunSummary] = []
     readers = tuple(load_registered(RUN_ROWS_GROUP, instance_of(RowReader), "a RowReader"))
     for folder in folders:
@@ -52,7 +52,7 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
             facts.append(_facts_or_why_not(path))
             if tell is not None and len(facts) % 500 == 0:
                 tell(len(facts))
-    # Not `dataclasses.asdict`, which copies each value.
+    # Faster than `dataclasses.asdict`, which copies each value.
     rows = [{name: getattr(one, name) for name in COLUMNS} for one in facts]
     if any(row["state"] == "broken" for row in rows):
         _mark_running(rows)
@@ -70,7 +70,7 @@ def _folders_in(folder: Path) -> list[Path]:
         ) from error
 
 
-# One folder that cannot be read, or is gone by now, is no reason to show none.
+# A folder that cannot be read, or has vanished, does not hide the others.
 def _facts_or_why_not(path: Path) -> RunSummary:
     try:
         return read_run_summary(path)
@@ -78,7 +78,7 @@ def _facts_or_why_not(path: Path) -> RunSummary:
         return RunSummary(run=path.name, folder=str(path), state="foreign", outcome=describe_os_error(error))
 
 
-# A run without a result is asked for at the windows of runs.
+# A run without a result may be active.
 def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
     from gslcosim.runtime.status import list_active_runs
 
@@ -105,7 +105,7 @@ EXAMPLES = """  gslcosim runs
 _SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
 _HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
 _ACTIONS = ("remove", "repair")
-# What has no result and was written to so lately may be run by another user, or on another host.
+# A run without a result and with a write this recent may belong to another user, or to another host.
 _QUIET_H = 10 / 60
 _UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
@@ -186,7 +186,7 @@ def _cell(name: str, row: Mapping[str, Any]) -> str:
 
 
 def format_age(age_h: float) -> str:
-    """Return an age [h] in the unit in which people say it."""
+    """Return an age [h] in a unit of suitable size."""
     factor, unit = next((factor, unit) for below_h, factor, unit in _UNITS if age_h < below_h)
     return f"{age_h * factor:.0f} {unit}"
 
@@ -228,7 +228,7 @@ def _why_kept(row: Mapping[str, Any]) -> str:
     return ""
 
 
-# Nothing is followed out of the folder, and a half removed one is no run any more.
+# Symbolic links out of the folder are not followed, and a half removed run is no longer listed as a run.
 def _remove_folder(folder: Path) -> None:
     try:
         remove_tree(folder)

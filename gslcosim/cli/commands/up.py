@@ -111,13 +111,13 @@ def _run_up(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
-    # First of all: it imports what services need while the scenario is read and checked.
+    # First, as it imports the packages of services while the scenario is read and checked.
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
         return run_scenario(arguments, fork_server)
 
 
 def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    """Run the scenario of parsed words, report how it went, and return the exit code."""
+    """Run the scenario of a command line, report the outcome, and return the exit code."""
     loaded = load_checked(arguments)
 
     from gslcosim.cli.run_output import format_summary, show_run_progress
@@ -148,7 +148,7 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
     return flight.exit_code
 
 
-# Who starts the services needs to know where their join files are.
+# The services on other hosts need their join files.
 def _note_join_files(report: Report, network: "Network") -> Report:
     def note_and_report(status: "RunStatus") -> None:
         if status.run_dir is not None:

@@ -47,7 +47,7 @@ class RunViewer:
         self._is_over = threading.Event()
 
     def passing_on(self, report: Report) -> Report:
-        """Return what a run reports to in place of `report`, so that it is shown from its beginning."""
+        """Return a report function that shows the run from its beginning and then calls `report`."""
         view = self._view
         if view is None:
             return report
@@ -60,11 +60,11 @@ class RunViewer:
         return show_and_report
 
     def end(self) -> None:
-        """Say that the run is over, and that nothing more will be written."""
+        """Mark the run as over: nothing more will be written."""
         self._is_over.set()
 
     def stay_open(self, exit_code: int) -> None:
-        """Return when the person has closed the viewer, or presses Ctrl-C; at once where the run was interrupted."""
+        """Wait until the viewer is closed or Ctrl-C is pressed; return at once if the run was interrupted."""
         if self._view is not None and exit_code != ExitCode.INTERRUPTED:
             _wait_until_closed(self._view)
 
@@ -87,7 +87,7 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
 
 
 def serve_until_closed(recording: Path) -> None:
-    """Serve a recording that is complete to browsers of this machine until Ctrl-C."""
+    """Serve a complete recording to browsers of this machine until Ctrl-C."""
     from gslcosim.recordings.viewer import N_TRIES
 
     for _ in range(N_TRIES):
@@ -107,7 +107,7 @@ def _opened(kind: "ViewerKind") -> "LiveViewer":
     return LiveViewer(kind, lambda address: write_note(f"Watch it at {address}"), prefix=build_parent_death_prefix())
 
 
-# Whether it has shown all of the recording.
+# Return whether all of the recording was shown.
 def _wait_until_closed(view: "LiveViewer") -> bool:
     is_shown = False
     try:
@@ -117,7 +117,7 @@ def _wait_until_closed(view: "LiveViewer") -> bool:
             write_note("The viewer stays open until Ctrl-C.")
         view.wait_until_closed()
     except RecordingError as error:
-        # What it has shown is as good without it.
+        # The recording is complete without the viewer.
         write_note(str(error))
     except KeyboardInterrupt:
         return True
@@ -190,7 +190,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# An environment's recording is made to be looked at, and is gone afterwards.
+# An environment's recording exists only while it is shown.
 @contextlib.contextmanager
 def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
     run = arguments.runs[0] if arguments.runs else None
