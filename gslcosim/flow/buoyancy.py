@@ -32,9 +32,10 @@ TURBULENT_SCHMIDT = 0.7
 # Of a top-hat plume: Morton, Taylor and Turner 1956 and later measurements, 0.09 to 0.13.
 ENTRAINMENT = 0.1
 _STRIPS = 12  # of a hole, over its height
-_BLOCK = 1  # cells to each side that a plume takes air from
+_BLOCK = 1  # cells to each side from which a plume entrains air
 _STEPS_PER_CELL = 16
-# Of the time in which the lightest air of a cell would cross it, and in which a cell's volume is exchanged; chosen.
+# Fraction of the time in which the lightest air of a cell would cross it, and in which a cell's volume is exchanged;
+# chosen.
 _STEP_SHARE = 0.7
 _INNER = (slice(LOW, -HIGH),) * 3
 
@@ -43,7 +44,7 @@ _INNER = (slice(LOW, -HIGH),) * 3
 class FixedWall:
     """A part of the box's boundary where the scalar has a given value, a flat box in the grid's frame [m].
 
-    It gives off by molecular diffusion over half a cell: cells must resolve the layer at the wall.
+    It exchanges the scalar by molecular diffusion over half a cell: cells must resolve the layer at the wall.
     """
 
     min_m: Vec3
@@ -53,12 +54,13 @@ class FixedWall:
 
 @dataclass(frozen=True, kw_only=True)
 class Release:
-    """A source in one cell: scalar times volume per time [unit m3/s], and the volume that comes with it [m3/s].
+    """A source in one cell: scalar times volume per time [unit m3/s], and the volume released with it [m3/s].
 
-    Of a leak both are its volume flow; heat has P / (rho c_p) [K m3/s] and no volume.
+    For a leak both are its volume flow; for heat P / (rho c_p) [K m3/s] without volume.
 
-    With `area_m2`, that of a round opening that points upwards, what is released rises as a plume that is narrower than
-    cells: it takes in air on its way, and is let go where it is three cells wide, no longer light, or at the ceiling.
+    With `area_m2`, that of a round opening that points upwards, the release rises as a plume that is narrower than
+    cells: it entrains air on its way, and is put into cells where it is three cells wide, no longer light, or at the
+    ceiling.
     """
 
     position_m: Vec3
@@ -69,10 +71,10 @@ class Release:
 
 @dataclass(frozen=True, kw_only=True)
 class Orifice:
-    """A hole to still air outside, smaller than a cell: out and in through it by the pressure at each height.
+    """A hole to still air outside, smaller than a cell: flow in both directions by the pressure at each height.
 
     Attributes:
-        centre_m: In the cell that air leaves from and comes into [m].
+        centre_m: In the cell from which air leaves and into which it enters [m].
         height_m: From its lower to its upper edge [m].
         area_m2: Area [m2].
         discharge: Flow over that of Bernoulli without loss.
@@ -94,7 +96,7 @@ class BuoyantScalar:
         turbulent_schmidt: Eddy viscosity over eddy diffusivity.
         density_ratio: Density of the pure gas over that of air, for flow through holes; 1 for heat.
         start: Value at the start.
-        walls: Where the value is fixed.
+        walls: Boundaries with a fixed value.
         releases: Sources.
         orifices: Holes, in a box without inlet and outlet only.
     """
@@ -110,7 +112,7 @@ class BuoyantScalar:
 
     @classmethod
     def of_gas(cls, density_kg_m3: float, diffusivity_m2_s: float, **others: Any) -> Self:
-        """Return that of a gas of given density, as volume fraction: g' = g (1 - rho / rho_air)."""
+        """Return the scalar of a gas of given density, as volume fraction: g' = g (1 - rho / rho_air)."""
         if not 0 < density_kg_m3 < 100:
             raise FlowError(
                 f"density_kg_m3: expected a density of a gas [kg/m3], was {density_kg_m3}; helium has 0.166."
@@ -121,7 +123,7 @@ class BuoyantScalar:
 
     @classmethod
     def of_heat(cls, diffusivity_m2_s: float = HEAT_M2_S, *, air_k: float = AIR_K, **others: Any) -> Self:
-        """Return that of warm air, as temperature above the air's [K]: g' = g / T."""
+        """Return the scalar of warm air, as temperature excess over the air [K]: g' = g / T."""
         return cls(buoyancy_m_s2=GRAVITY_M_S2 / air_k, diffusivity_m2_s=diffusivity_m2_s, **others)
 
 
@@ -156,7 +158,7 @@ def stratification(scalar, nu, acceleration_m_s2, cell_m, out):
 
     Args:
         scalar: Padded scalar.
-        nu: Padded viscosity; 0 marks what is not air.
+        nu: Padded viscosity; 0 marks cells that are not air.
         acceleration_m_s2: g' [m/s2].
         cell_m: Edge of a cell [m].
         out: Written: padded N^2.
@@ -190,7 +192,7 @@ def largest_step(scalar, air):
 
 @numba.njit(cache=True, nogil=True)
 def flows_through_holes(head, share, area_m2, density_ratio, net_m3_s, outward_m3_s):
-    """Find the pressure at which holes let out as much as is released, and the flow through each strip of them.
+    """Find the pressure at which the outflow through holes equals the release, and the flow through each strip of them.
 
     u = sqrt(2 |p0 + head| / rho*),   sum of A u = net,   rho* the density of what flows over that of air
     [m/s] = [m2/s2]^(1/2)
@@ -200,7 +202,7 @@ def flows_through_holes(head, share, area_m2, density_ratio, net_m3_s, outward_m
         share: (n,) volume fraction of the gas inside, at each strip.
         area_m2: (n,) area of each strip times its discharge coefficient [m2].
         density_ratio: Density of the pure gas over that of air.
-        net_m3_s: What must leave on balance [m3/s].
+        net_m3_s: Net outflow [m3/s].
         outward_m3_s: Written: (n,) flow through each strip, above 0 outwards [m3/s].
 
     Source: Bernoulli with hydrostatic pressure; Linden 1999, doi:10.1146/annurev.fluid.31.1.201, section 2.
@@ -239,7 +241,7 @@ def rise_of_plume(ambient, first_m, cell_m, volume, scalar, momentum, accelerati
         momentum: M at the source [m4/s2].
         acceleration_m_s2: g' [m/s2].
         widest_m: Width at which it ends [m].
-        entrained: Written: (n,) volume taken in from each layer [m3/s].
+        entrained: Written: (n,) volume entrained from each layer [m3/s].
 
     Returns:
         (index of the layer where it ends, its volume [m3/s] and scalar flux [unit m3/s] there).
@@ -292,7 +294,7 @@ class _Plume:
         self.outlet = np.zeros_like(self._air)
         self.scalar_m3_s = 0.0
 
-    # Find how it rises in the scalar as it is: `intake` and `outlet` are volumes of the block's cells per second.
+    # Find the rise in the present scalar: `intake` and `outlet` are volumes of the block's cells per second.
     def rise(self, values: F32, acceleration_m_s2: float, share: float) -> None:
         release = self.release
         volume = share * release.volume_m3_s
@@ -311,7 +313,7 @@ class _Plume:
         self.intake[:] = self._air * (self._entrained / self._n_air).astype(np.float32)
         self.outlet[..., top] = self._air[..., top] * np.float32(volume / self._n_air[top])
 
-    # Take the scalar of what is drawn in out of `new`, and let it go at the end, with that of the source.
+    # Remove the entrained scalar from `new`, and release it at the end, with that of the source.
     def carry(self, old: F32, new: F32, dt_s: float) -> None:
         per_volume = np.float32(dt_s / self._cell_m**3)
         taken = self.intake * old[self._block]
@@ -330,7 +332,7 @@ class _Plume:
 
 
 class Buoyancy:
-    """State of a buoyant scalar in a domain: its values, what flows through its holes, and its effect on the wind."""
+    """State of a buoyant scalar in a domain: its values, the flow through its holes, and its effect on the wind."""
 
     def __init__(self, domain: Domain, scalar: BuoyantScalar) -> None:
         """Place walls, releases and holes on the grid."""
@@ -359,7 +361,7 @@ class Buoyancy:
 
     @property
     def speed_m_s(self) -> float:
-        """Return the scale of speeds that it drives [m/s]: (g' ds H)^(1/2) of walls, (g' Q / H)^(1/3) of releases."""
+        """Return the scale of the driven speeds [m/s]: (g' ds H)^(1/2) of walls, (g' Q / H)^(1/3) of releases."""
         scalar, height_m = self.scalar, self._domain.shape[2] * self._domain.cell_m
         values = [scalar.start, 0.0, *(wall.value for wall in scalar.walls)]
         released = abs(scalar.buoyancy_m_s2 * sum(r.scalar_m3_s for r in scalar.releases))
@@ -422,7 +424,7 @@ class Buoyancy:
         """Add the buoyancy of one Runge-Kutta stage to the padded z-velocities [m/s], in place."""
         push_by_buoyancy(self.values, self._domain.coefficients[2], self.scalar.buoyancy_m_s2, dt_s, stage_weight, w)
 
-    # What enters the box brings none, what leaves takes what is inside.
+    # Entering air is without the scalar, leaving air has the value inside.
     def _fill_padding(self, velocity: Velocity) -> None:
         for placed in self._domain.outlets:
             n = self._domain.shape[placed.axis]

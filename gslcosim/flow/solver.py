@@ -20,7 +20,7 @@ def impose_inlets(domain: Domain, velocity: Velocity, time_s: float) -> None:
 
     Args:
         velocity: Padded face velocities [m/s], modified.
-        time_s: For inlets that change in time [s].
+        time_s: Time, for inlets that change [s].
     """
     for placed in domain.inlets:
         _impose_inlet(placed, velocity, domain, time_s)
@@ -44,16 +44,16 @@ def impose_open_pressure(domain: Domain, velocity: Velocity, pressure: F32) -> N
 
 
 def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> None:
-    """Set the velocities outside the air that the stencils of the momentum equation reach, in place.
+    """Set the velocities outside the air that the stencils of the momentum equation read, in place.
 
-    Walls mirror the velocity along them so that it is the wall's in between, frictionless walls mirror it evenly;
-    an inlet has its own; at an outlet all is as inside where air leaves, without normal velocity where it enters
-    unless it is open, and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
+    Walls mirror the tangential velocity so that its mean is the wall's, frictionless walls copy it; an inlet prescribes
+    its own; outside an outlet all is as inside where air leaves, without normal velocity where it enters unless it is
+    open, and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
 
     Args:
         velocity: Padded face velocities [m/s], modified outside the box and inside solids only.
         nu: Padded viscosity [m2/s], modified outside outlets.
-        time_s: For inlets that change in time [s].
+        time_s: Time, for inlets that change [s].
     """
     for axis in range(3):
         for is_high in (False, True):
@@ -117,13 +117,13 @@ def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain, time_
             velocity[axis][placed.layer(outside, face_axis=axis)] = np.expand_dims(speed, placed.axis)
 
 
-# Values of cells averaged to the faces between them along one axis; at the ends those of the cell.
+# Values of cells averaged to the faces between them along one axis; at the ends the value of the cell.
 def _between_cells(values: F32, axis: int) -> F32:
     first, last = np.take(values, [0], axis=axis), np.take(values, [-1], axis=axis)
     return 0.5 * (np.concatenate((first, values), axis=axis) + np.concatenate((values, last), axis=axis))
 
 
-# Padding outside an outlet: velocities as inside, but where air enters no normal one unless open; viscosity as inside.
+# Padding outside an outlet: as inside, but without normal velocity where air enters, unless open.
 def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domain) -> None:
     n = domain.shape[placed.axis]
     face = LOW + n if placed.is_high else LOW
@@ -175,7 +175,7 @@ class StepRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class _Survey:
-    # What the air does before a step: largest speed sum and viscosity, mean kinetic energy.
+    # State of the air before a step: largest speed sum and viscosity, mean kinetic energy.
     speed_m_s: float
     viscosity_m2_s: float
     energy_m2_s2: float
@@ -209,10 +209,10 @@ class FlowSolver:
         Args:
             model: Turbulence model of the same domain.
             courant: Largest (|u| + |v| + |w|) dt / h, at most 1.
-            max_step_s: Largest time step, whatever the Courant number [s].
+            max_step_s: Largest time step, regardless of the Courant number [s].
             tolerance: Root mean square of div(u) h that a step may leave, over the reference speed.
             initial_velocity: Padded face velocities [m/s]; still air if absent.
-            buoyancy: A gas or heat of the same domain that the wind carries and is driven by.
+            buoyancy: Gas or heat of the same domain that the wind carries and is driven by.
         """
         self.domain = domain
         self.buoyancy = buoyancy
@@ -232,14 +232,14 @@ class FlowSolver:
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
         self.reference_speed_m_s = speed or 1.0
-        # Of air at rest, which could take a step of any length. The speeds a flow begins with do not limit it later:
-        # one from larger cells may be many times too fast where few of these lead to an outlet.
+        # Of air at rest, which could take a step of any length. The initial speeds of a flow do not limit it later:
+        # those from larger cells may be many times too high where few of the cells lead to an outlet.
         self._least_speed_m_s = driven_m_s or self.reference_speed_m_s
         self._tolerance_m_s = tolerance * self.reference_speed_m_s
         self.project_tightly()
 
     def project_tightly(self, velocity: Velocity | None = None) -> SolveStats:
-        """Remove what divergence is left, to near the resolution of float32, from the state or given velocities."""
+        """Remove the remaining divergence, to near the resolution of float32, from the state or given velocities."""
         return self._projection.project(
             *(velocity or self.velocity),
             tolerance_m_s=1e-5 * self.reference_speed_m_s,
@@ -252,7 +252,7 @@ class FlowSolver:
         """Advance by one time step that does not pass `until_s` [s].
 
         Raises:
-            FlowError: the flow has diverged; says when, where, and what to change.
+            FlowError: the flow has diverged; the error names time, place and remedy.
         """
         survey = self._survey()
         dt_s = self._time_step(survey, until_s - self.time_s)
@@ -261,7 +261,7 @@ class FlowSolver:
             self.buoyancy.advance(self.velocity, self.model, dt_s)
         is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
         end_s = until_s if is_last else self.time_s + dt_s
-        # The turbulence model may have used the stage arrays as scratch: bring back their padding and fixed faces.
+        # The turbulence model may have used the stage arrays as scratch: restore their padding and fixed faces.
         impose_inlets(self.domain, self._stage, self.time_s)
         self._advance(self.velocity, self.time_s, dt_s, 1.0, self._stage)
         self._advance(self._stage, end_s, dt_s, 0.5, self.velocity)
@@ -281,7 +281,7 @@ class FlowSolver:
         return out
 
     def divergence_free_centre_velocity(self) -> F32:
-        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s] of the state projected tightly; it stays as is."""
+        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s] of the tightly projected state, which is kept."""
         for copy, now in zip(self._stage, self.velocity):
             np.copyto(copy, now)
         self.project_tightly(self._stage)
@@ -293,12 +293,12 @@ class FlowSolver:
         _, largest = pressure.negative_divergence(*(velocity or self.velocity), *self.domain.coefficients, scratch)
         return float(largest)
 
-    # Divergence times cell that stays: volume that is released, or passes small holes.
+    # Divergence times cell edge that remains: released volume, or flow through small holes.
     @property
     def _source_m_s(self) -> F32 | None:
         return None if self.buoyancy is None else self.buoyancy.source_m_s
 
-    # One stage of Heun's method, boundary values and wall friction included.
+    # One stage of Heun's method, including boundary values and wall friction.
     def _advance(self, start: Velocity, time_s: float, dt_s: float, weight: float, out: Velocity) -> None:
         domain, model = self.domain, self.model
         fill_padding(domain, start, model.nu, time_s)
@@ -347,8 +347,8 @@ class FlowSolver:
         energy = 0.5 * float(squares) / self.domain.n_air
         return _Survey(speed_m_s=float(speed), viscosity_m2_s=float(viscosity), energy_m2_s2=energy)
 
-    # Time step [s] by Courant number and viscosity. The last two before a stop are equally long: a very short one
-    # would magnify what the pressure solve leaves.
+    # Time step [s] by Courant number and viscosity. The last two before a stop have equal length: a very short one
+    # would amplify the residual of the pressure solve.
     def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
         limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self._least_speed_m_s))
