@@ -43,6 +43,9 @@ Endpoint = Annotated[
 ]
 Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]
 Secret = Annotated[str, StringConstraints(pattern=r"^[ -~]{1,200}$")]
+PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
+MessageHandler = Callable[[str, bytes], None]
+QueryHandler = Callable[[bytes], list[bytes]]
 
 
 # Patterns match UTF-8 text only, which file names need not be.
@@ -53,10 +56,6 @@ def _check_path(path: str) -> str:
 
 
 PathText = Annotated[str, AfterValidator(_check_path)]
-PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
-
-MessageHandler = Callable[[str, bytes], None]
-QueryHandler = Callable[[bytes], list[bytes]]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,6 +41,34 @@ from gslcosim.bus.interface import (
 )
 
 SERVICE_ACCOUNT = "service"
+_EXPECTED_SESSION = "a session that opens"
+# Name of the class by which pyo3 reports a Rust panic; the class cannot be imported.
+_PANIC_TYPE = "PanicException"
+_UNIX_SOCKET = "unixsock-stream/"
+# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
+_MAX_ATTEMPTS = 3
+# Limit of a service's attempts to reach the router, and delays of attempts to reach services that have not started.
+MESH_LIMIT_MS = 2000
+MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
+# More than any reader's backlog: a full channel would stop the reception of the whole session.
+MAILBOX_CAPACITY = 1 << 16
+# Longer waits end by a thread with this period [s]; shorter ones poll.
+MAILBOX_CHECK_PERIOD_S = 0.05
+MAILBOX_POLL_PERIOD_S = 0.0005
+# Default silence after which others give up a member elsewhere that hangs without its process having ended [ms].
+LEASE_MS = 2500
+# Tolerance of members elsewhere for a silent router, because the supervisor may be paused [ms].
+ROUTER_LEASE_MS = 60_000
+# The end or stop of processes of this machine is observed: their silence has no meaning.
+WATCHED_LEASE_MS = 24 * 60 * 60 * 1000
+# Wait of the router for a member that does not read, before it closes the link; longer than a process may be stopped.
+# Other members wait meanwhile.
+UNREAD_LIMIT_MS = 10_000
+CLOSE_LIMIT_S = 5.0
+# Segment of a key that no participant has.
+WAKE_SEGMENT = "-"
+# A callback waits until the interpreter's lock is released; Python's 5 ms would be the latency of a run.
+SWITCH_INTERVAL_S = 0.0002
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +128,6 @@ def build_access_control(namespace: str, agents: list[AgentAccount]) -> dict[str
 
 def _build_rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
     return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
-
-
-_EXPECTED_SESSION = "a session that opens"
-# Name of the class by which pyo3 reports a Rust panic; the class cannot be imported.
-_PANIC_TYPE = "PanicException"
-_UNIX_SOCKET = "unixsock-stream/"
-# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
-_MAX_ATTEMPTS = 3
 
 
 def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = None) -> zenoh.Session:
@@ -184,11 +204,6 @@ def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
     config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
 
 
-# Limit of a service's attempts to reach the router, and delays of attempts to reach services that have not started.
-MESH_LIMIT_MS = 2000
-MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
-
-
 def is_mesh_possible() -> bool:
     """Return whether the system has files without a name, in which agents of the same user cannot read accounts."""
     return hasattr(os, "memfd_create")
@@ -223,13 +238,6 @@ def peer_session(config: zenoh.Config, join: JoinData) -> Generator[None]:
 def is_router_lost(event: zenoh.TransportEvent) -> bool:
     """Return whether the link to the router has ended; links to peers come and go."""
     return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
-
-
-# More than any reader's backlog: a full channel would stop the reception of the whole session.
-MAILBOX_CAPACITY = 1 << 16
-# Longer waits end by a thread with this period [s]; shorter ones poll.
-MAILBOX_CHECK_PERIOD_S = 0.05
-MAILBOX_POLL_PERIOD_S = 0.0005
 
 
 class ZenohMailbox:
@@ -313,24 +321,6 @@ class ZenohMailbox:
                     self._waker.put(b"")
                 except zenoh.ZError:
                     return
-
-
-# Default silence after which others give up a member elsewhere that hangs without its process having ended [ms].
-LEASE_MS = 2500
-# Tolerance of members elsewhere for a silent router, because the supervisor may be paused [ms].
-ROUTER_LEASE_MS = 60_000
-# The end or stop of processes of this machine is observed: their silence has no meaning.
-WATCHED_LEASE_MS = 24 * 60 * 60 * 1000
-# Wait of the router for a member that does not read, before it closes the link; longer than a process may be stopped.
-# Other members wait meanwhile.
-UNREAD_LIMIT_MS = 10_000
-CLOSE_LIMIT_S = 5.0
-# Segment of a key that no participant has.
-WAKE_SEGMENT = "-"
-
-
-# A callback waits until the interpreter's lock is released; Python's 5 ms would be the latency of a run.
-SWITCH_INTERVAL_S = 0.0002
 
 
 class ZenohBus:

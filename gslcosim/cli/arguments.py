@@ -29,6 +29,10 @@ _SORT = "--sort"
 # Candidates for an argument, from the prefix of the word and the arguments before it.
 FindWords = Callable[[str, argparse.Namespace], Iterable[str]]
 Run = Callable[[argparse.Namespace], int]
+RUNS_DIR = "runs"
+RECORDING = "recording.rrd"
+DIGEST = "digest.json"
+MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -348,12 +352,6 @@ def _hint(word: str, known: Mapping[str, str]) -> str:
 
 def _examples(text: str) -> str:
     return f"examples:\n{text}\n"
-
-
-RUNS_DIR = "runs"
-RECORDING = "recording.rrd"
-DIGEST = "digest.json"
-MANIFEST = "manifest.json"
 
 
 def add_runs_dir_option(parser: argparse.ArgumentParser) -> None:

@@ -31,6 +31,8 @@ _ENDINGS = {
 _AGENT_HEADINGS = (
     "agent", "method", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox",
 )  # fmt: skip
+# Interval of lines in a pipe with the time left of one piece of work [s].
+_REMINDER_EVERY_S = 30.0
 
 
 @contextlib.contextmanager
@@ -50,10 +52,6 @@ def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
             yield lambda status: line.show(lambda: draw(status), fraction=status.fraction)
     else:
         yield PlainLines(title)
-
-
-# Interval of lines in a pipe with the time left of one piece of work [s].
-_REMINDER_EVERY_S = 30.0
 
 
 class PlainLines:

@@ -29,6 +29,7 @@ _NON_FINITE_PATTERN = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 # Depth limit of lists and maps in a foreign message; those of a command are four deep.
 MAX_NESTING = 32
+_CONTAINER_TYPES = frozenset({dict, list, tuple})
 
 
 def encode(message: Message) -> bytes:
@@ -137,9 +138,6 @@ def check_nesting(name: str, value: object) -> None:
         if not holders:
             return
     raise ContractError(f"{name}: expected lists and maps at most {MAX_NESTING} deep, were deeper.")
-
-
-_CONTAINER_TYPES = frozenset({dict, list, tuple})
 
 
 def _items(holder: Any) -> Iterable[object]:

@@ -10,6 +10,10 @@ from gslcosim.contract.record import Message, Name, Record
 
 EVENTS = "truth/events"
 """The port of `EventsBeginning`."""
+WIND = "truth/wind"
+"""The port of `WindShare`."""
+PROBES = "truth/probes"
+"""The port of `ProbeSamples`."""
 
 
 class EventsBeginning(Message):
@@ -19,10 +23,6 @@ class EventsBeginning(Message):
     """
 
     beginning: tuple[int, ...] = ()
-
-
-WIND = "truth/wind"
-"""The port of `WindShare`."""
 
 
 class WindShare(Message):
@@ -48,10 +48,6 @@ class SourceRate(Message):
     """
 
     filaments_per_s: Annotated[float, Field(ge=0)]
-
-
-PROBES = "truth/probes"
-"""The port of `ProbeSamples`."""
 
 
 class ProbeSample(Record):

@@ -10,6 +10,8 @@ RADIO = "truth/radio"
 IMAGES = "truth/images"
 SCORE = "referee/score"
 VERDICT = "referee/verdict"
+# Stands for an agent's name in a key.
+AGENT_PLACEHOLDER = "<agent>"
 
 
 def briefing(agent: str) -> str:
@@ -40,10 +42,6 @@ def ending(agent: str) -> str:
 def command(agent: str) -> str:
     """Return the port of an agent's checked commands, written by the agent's validator."""
     return f"command/{agent}"
-
-
-# Stands for an agent's name in a key.
-AGENT_PLACEHOLDER = "<agent>"
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,42 @@ ParameterScalar = bool | int | float | Annotated[str, StringConstraints(max_leng
 # A parameter of a method: any scalar of YAML, or a list of them.
 ParameterValue = ParameterScalar | Annotated[tuple[ParameterScalar, ...], Field(max_length=1000)]
 CellSize = Annotated[float, Field(gt=0, le=1000)]
+RECORDED_ONLY = {"$comment": "Only the recording reads it: no part of the contract's hash."}
+"""Mark in the schema of a field that only the recording reads; strict compilers accept the keyword."""
+MAX_NOTE_VALUES = 16
+MAX_NOTE_MODE_CHARACTERS = 40
+BodyRate = Annotated[float, Field(ge=-50, le=50)]
+Angle = Annotated[float, Field(ge=-6.3, le=6.3)]
+HoldTime = Annotated[float, Field(ge=0, le=3600)]
+CommandKind = Literal[
+    "waypoint",
+    "hold",
+    "noop",
+    "declare_source",
+    "velocity",
+    "failed",
+    "mission",
+    "take_off",
+    "land",
+    "attitude",
+    "rates",
+    "drive",
+]
+# Required field of a kind of command.
+_NEEDED_BY_KIND = {
+    "waypoint": "position_world_m",
+    "velocity": "velocity_world_m_s",
+    "declare_source": "declaration",
+    "mission": "waypoints",
+    "attitude": "attitude",
+    "rates": "rates",
+    "drive": "drive",
+}
+# Prefix of the `reason` of a command that the runtime wrote in place of one that could not be read.
+REFUSED_PREFIX = "refused: "
+# All kinds that an agent may write; `failed` is the runtime's.
+AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
+CONTRACT_VERSION = "1.3"
 
 
 class KnownMap(Record):
@@ -87,13 +123,6 @@ class Belief(Record):
     probability: Annotated[NumericArray, AfterValidator(_check_probability)]
 
 
-RECORDED_ONLY = {"$comment": "Only the recording reads it: no part of the contract's hash."}
-"""Mark in the schema of a field that only the recording reads; strict compilers accept the keyword."""
-
-MAX_NOTE_VALUES = 16
-MAX_NOTE_MODE_CHARACTERS = 40
-
-
 class Note(Record):
     """State of a method, as it reports it; part of `Command`. Since contract 1.2.
 
@@ -123,11 +152,6 @@ class Declaration(Record):
 
     position_world_m: Vec3
     confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
-
-
-BodyRate = Annotated[float, Field(ge=-50, le=50)]
-Angle = Annotated[float, Field(ge=-6.3, le=6.3)]
-HoldTime = Annotated[float, Field(ge=0, le=3600)]
 
 
 class Waypoint(Record):
@@ -179,33 +203,6 @@ class DriveSetpoint(Record):
 
     speed_m_s: float
     yaw_rate_rad_s: float = 0.0
-
-
-CommandKind = Literal[
-    "waypoint",
-    "hold",
-    "noop",
-    "declare_source",
-    "velocity",
-    "failed",
-    "mission",
-    "take_off",
-    "land",
-    "attitude",
-    "rates",
-    "drive",
-]
-
-# Required field of a kind of command.
-_NEEDED_BY_KIND = {
-    "waypoint": "position_world_m",
-    "velocity": "velocity_world_m_s",
-    "declare_source": "declaration",
-    "mission": "waypoints",
-    "attitude": "attitude",
-    "rates": "rates",
-    "drive": "drive",
-}
 
 
 # The same rule in JSON Schema, for validators in other languages.
@@ -282,15 +279,6 @@ class Command(Message):
         """True when no further message follows on this port."""
         return self.kind == "failed"
 
-
-# Prefix of the `reason` of a command that the runtime wrote in place of one that could not be read.
-REFUSED_PREFIX = "refused: "
-
-# All kinds that an agent may write; `failed` is the runtime's.
-AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
-
-
-CONTRACT_VERSION = "1.3"
 
 # ---------------------------------------------------------------- truth, never visible to agents
 

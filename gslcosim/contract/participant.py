@@ -8,6 +8,10 @@ from gslcosim.contract.messages import Message
 
 # Far enough ahead that writers seldom wait for credit, which is reported four times in as many ticks.
 WINDOW_TICKS = 256
+# Prefix of the names of agents' participants; no other participant's name begins with it.
+AGENT_PREFIX = "agent_"
+Inbox = Mapping[str, Message]
+Outbox = Mapping[str, Message]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +51,6 @@ class ParticipantSpec:
     window_ticks: int = WINDOW_TICKS
 
 
-# Prefix of the names of agents' participants; no other participant's name begins with it.
-AGENT_PREFIX = "agent_"
-
-
 def get_agent_participant(agent: str) -> str:
     """Return the name of the participant that stands for an agent."""
     return f"{AGENT_PREFIX}{agent}"
@@ -65,10 +65,6 @@ class Episode:
 
     seed: int
     is_warmup: bool = False
-
-
-Inbox = Mapping[str, Message]
-Outbox = Mapping[str, Message]
 
 
 class Core(Protocol):

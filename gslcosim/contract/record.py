@@ -33,6 +33,17 @@ from gslcosim.base.untrusted_input import describe_validation_errors
 AnyStruct = TypeVar("AnyStruct", bound=msgspec.Struct)
 
 _CONFIG = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False, val_json_bytes="base64")
+Quaternion = tuple[float, float, float, float]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Tick = Annotated[int, Field(ge=0, le=2**53)]
+AnyRecord = TypeVar("AnyRecord")
+Fields = ParamSpec("Fields")
+DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
+MAX_DIMENSIONS = 8
+_DTYPES_BY_NAME = {name: np.dtype(code) for name, code in DTYPES.items()}
+_NAMES_BY_DTYPE = {dtype: name for name, dtype in _DTYPES_BY_NAME.items()}
+# Dot products of longer ones may run in several threads.
+_SHORT_ARRAY_BYTES = 4096
 
 
 @cache
@@ -107,14 +118,6 @@ def _build_validator(record: type[msgspec.Struct]) -> Callable[[BaseModel], Base
 
 def _build_constructor(record: type[AnyStruct]) -> Callable[[BaseModel], AnyStruct]:
     return lambda model: msgspec.StructMeta.__call__(record, **vars(model))
-
-
-Quaternion = tuple[float, float, float, float]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Tick = Annotated[int, Field(ge=0, le=2**53)]
-
-AnyRecord = TypeVar("AnyRecord")
-Fields = ParamSpec("Fields")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -254,14 +257,6 @@ def _to_plain(value: Any, **excluded: bool) -> Any:
     if isinstance(value, tuple):
         return tuple(_to_plain(item, **excluded) for item in cast(tuple[Any, ...], value))
     return value
-
-
-DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
-MAX_DIMENSIONS = 8
-_DTYPES_BY_NAME = {name: np.dtype(code) for name, code in DTYPES.items()}
-_NAMES_BY_DTYPE = {dtype: name for name, dtype in _DTYPES_BY_NAME.items()}
-# Dot products of longer ones may run in several threads.
-_SHORT_ARRAY_BYTES = 4096
 
 
 def _check_shape(shape: tuple[int, ...]) -> tuple[int, ...]:

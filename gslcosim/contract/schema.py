@@ -20,6 +20,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _BYTES = {"type": "string", "contentEncoding": "base64"}
 _PROSE = ("title", "description")
 _LIMITS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+_CONTRACT_PATTERN = re.compile(r"(?P<major>\d{1,6})\.(?P<minor>\d{1,6})(?:\+(?P<hash>[0-9a-f]{32}))?", re.ASCII)
 
 
 def list_message_types() -> tuple[type[Message], ...]:
@@ -113,9 +114,6 @@ def _prune(schema: Any, dropped: tuple[str, ...]) -> Any:
         elif word not in dropped:
             changed[word] = _prune(value, dropped)
     return changed
-
-
-_CONTRACT_PATTERN = re.compile(r"(?P<major>\d{1,6})\.(?P<minor>\d{1,6})(?:\+(?P<hash>[0-9a-f]{32}))?", re.ASCII)
 
 
 class ContractVersionError(ContractError):

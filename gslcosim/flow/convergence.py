@@ -13,6 +13,16 @@ from gslcosim.flow.pressure import F32, HIGH, LOW
 from gslcosim.flow.solver import FlowSolver, StepRecord
 from gslcosim.flow.turbulence import Velocity, still_velocity
 
+MAX_FRAMES_BYTES = 8e9  # chosen: fits beside the solver into 16 GB
+_FRAME_BYTES_PER_CELL = 12
+# In the empty 15 x 15 x 8 m warehouse the means of successive windows (75 s) keep differing by a fifth to a quarter,
+# because the largest eddies live for minutes, while the energy stays within a twentieth.
+WIND_TOLERANCE_FRAC = 0.25
+ENERGY_TOLERANCE_FRAC = 0.05
+# Fraction of a window during which a flow from larger cells adapts before it is averaged; chosen.
+ADAPTATION_FRAC = 0.125
+_BOX = (slice(LOW, -HIGH),) * 3
+
 
 class FieldMean:
     """A running mean of face velocities over time."""
@@ -49,10 +59,6 @@ class MeanRecorder:
         """Add a step."""
         if record.time_s > self._from_s:
             self._mean.add(solver.velocity, record.dt_s)
-
-
-MAX_FRAMES_BYTES = 8e9  # chosen: fits beside the solver into 16 GB
-_FRAME_BYTES_PER_CELL = 12
 
 
 class FrameRecorder:
@@ -113,16 +119,6 @@ def _check_memory(n_frames: int, domain: Domain) -> None:
             f"{n_bytes / 1e9:,.1f} GB of memory, expected at most {MAX_FRAMES_BYTES / 1e9:g} GB. "
             f"Save less often, from later on (save_from_s), or use larger cells."
         )
-
-
-# In the empty 15 x 15 x 8 m warehouse the means of successive windows (75 s) keep differing by a fifth to a quarter,
-# because the largest eddies live for minutes, while the energy stays within a twentieth.
-WIND_TOLERANCE_FRAC = 0.25
-ENERGY_TOLERANCE_FRAC = 0.05
-# Fraction of a window during which a flow from larger cells adapts before it is averaged; chosen.
-ADAPTATION_FRAC = 0.125
-
-_BOX = (slice(LOW, -HIGH),) * 3
 
 
 @dataclass(frozen=True, kw_only=True)

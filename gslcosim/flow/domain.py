@@ -14,6 +14,9 @@ from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, PlacedPatch,
 from gslcosim.flow.pressure import F32, HIGH, LOW
 
 Int = NDArray[np.int64]
+MAX_CELLS = 200_000_000
+BYTES_PER_CELL = 130  # of the solver's arrays, including padding and multigrid levels; measured by the benchmark
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,12 +194,6 @@ def _ghosts_of(axis: int, solid: NDArray[np.bool_], is_open: NDArray[np.bool_]) 
     unique, counts = np.unique(all_faces, return_counts=True)
     starts = np.concatenate(([0], np.cumsum(counts)))
     return GhostFaces(faces=unique, starts=starts, sources=all_sources[order])
-
-
-MAX_CELLS = 200_000_000
-BYTES_PER_CELL = 130  # of the solver's arrays, including padding and multigrid levels; measured by the benchmark
-
-Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,8 @@ F64 = NDArray[np.float64]
 Profile = Callable[[F64], F64]
 
 _AXES = "xyz"
+Bool = NDArray[np.bool_]
+Slices = tuple[slice | int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,9 +269,6 @@ class SlipWall(Patch):
 
 
 AXES = "xyz"
-
-Bool = NDArray[np.bool_]
-Slices = tuple[slice | int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

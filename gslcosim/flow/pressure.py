@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 
 LOW = 2  # padding below cell 0 on every axis
 HIGH = 3  # padding above the last cell: one face more than cells, and the advection stencil's reach
+F32 = NDArray[np.float32]
+_COARSEST_SWEEPS = 6
+_COARSEST_CELLS = 60
 
 
 @numba.njit(cache=True, nogil=True)
@@ -306,12 +309,6 @@ def turn_direction(direction, preconditioned, factor):
         for j in range(LOW, ny - HIGH):
             for k in range(LOW, nz - HIGH):
                 direction[i, j, k] = preconditioned[i, j, k] + factor32 * direction[i, j, k]
-
-
-F32 = NDArray[np.float32]
-
-_COARSEST_SWEEPS = 6
-_COARSEST_CELLS = 60
 
 
 def padded(shape: tuple[int, int, int]) -> F32:

@@ -14,6 +14,19 @@ from gslcosim.flow.pressure import F32
 from gslcosim.flow.solver import StepRecord
 from gslcosim.flow.turbulence import Velocity
 
+_STEP_COLUMNS = (
+    "time_s",
+    "dt_s",
+    "courant",
+    "max_speed_m_s",
+    "max_viscosity_m2_s",
+    "kinetic_energy_m2_s2",
+    "inflow_m3_s",
+    "outflow_m3_s",
+)
+# A logarithmic axis has no zero, the value of still air [m/s].
+LEAST_M_S = 1e-12
+
 
 @dataclass(frozen=True, kw_only=True)
 class WindReport:
@@ -97,22 +110,6 @@ class WindReport:
             "settling": None if self.settling is None else self.settling.summary(),
             **({} if self.scalar_by_height is None else {"scalar_by_height": self.scalar_by_height.tolist()}),
         }
-
-
-_STEP_COLUMNS = (
-    "time_s",
-    "dt_s",
-    "courant",
-    "max_speed_m_s",
-    "max_viscosity_m2_s",
-    "kinetic_energy_m2_s2",
-    "inflow_m3_s",
-    "outflow_m3_s",
-)
-
-
-# A logarithmic axis has no zero, the value of still air [m/s].
-LEAST_M_S = 1e-12
 
 
 def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:

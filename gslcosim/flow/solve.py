@@ -33,6 +33,11 @@ N_WINDOWS_FROM_STILL = 3.0
 LONGEST_START = 5.0
 _INNER = (slice(LOW, -HIGH),) * 3
 _Number = TypeVar("_Number", bound=np.generic)
+AIR_NU_M2_S = 1.5e-5
+MAX_TIME_S = 600.0
+# Fraction of the progress bar for a start on coarse cells; chosen.
+START_SHARE = 0.2
+Turbulence = Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,14 +200,6 @@ def _spread(values: NDArray[_Number], shape: tuple[int, ...]) -> NDArray[_Number
     for axis in range(3):
         inner = np.repeat(inner, 2, axis=axis)
     return inner[tuple(slice(0, n) for n in shape)]
-
-
-AIR_NU_M2_S = 1.5e-5
-MAX_TIME_S = 600.0
-# Fraction of the progress bar for a start on coarse cells; chosen.
-START_SHARE = 0.2
-
-Turbulence = Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"]
 
 
 class _Observer(Protocol):

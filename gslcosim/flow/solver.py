@@ -14,6 +14,9 @@ from gslcosim.flow.patches import MovingWall, Open, PlacedPatch, SlipWall
 from gslcosim.flow.pressure import F32, HIGH, LOW, PressureSolver, SolveStats, padded
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, mirror_into_ghosts, still_velocity
 
+_RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
+_VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field
+
 
 def impose_inlets(domain: Domain, velocity: Velocity, time_s: float) -> None:
     """Set the prescribed velocities on the faces of inlets, in place.
@@ -140,10 +143,6 @@ def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domai
             velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
     just_outside = inside + 1 if placed.is_high else inside - 1
     nu[placed.layer(just_outside)] = nu[placed.layer(inside)]
-
-
-_RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
-_VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,12 @@ VON_KARMAN = 0.41
 WALL_ROUGHNESS_E = 9.8  # smooth wall
 C_MU = 0.09
 LAMINAR_SUBLAYER = 11.53  # y+ at which y+ = ln(E y+) / kappa
+ETA_0_RNG = 4.38
+BETA_RNG = 0.012
+K_FLOOR_M2_S2 = 1e-10
+EPSILON_FLOOR_M2_S3 = 1e-12
+Velocity = tuple[F32, F32, F32]
+SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
 
 
 @numba.njit(cache=True, nogil=True)
@@ -196,12 +202,6 @@ def mirror_into_ghosts(velocity, faces, starts, sources):
         for m in range(starts[n], starts[n + 1]):
             total += velocity[sources[m]]
         velocity[faces[n]] = np.float32(-total / (starts[n + 1] - starts[n]))
-
-
-ETA_0_RNG = 4.38
-BETA_RNG = 0.012
-K_FLOOR_M2_S2 = 1e-10
-EPSILON_FLOOR_M2_S3 = 1e-12
 
 
 @numba.njit(cache=True, nogil=True)
@@ -534,11 +534,6 @@ def eddy_viscosity_smagorinsky(strain, constant, nu_m2_s, cell_m, nu):
             for k in range(LOW, nz - HIGH):
                 total = molecular + squared_length * np.sqrt(strain[i, j, k])
                 nu[i, j, k] = total if nu[i, j, k] > 0 else np.float32(0)
-
-
-Velocity = tuple[F32, F32, F32]
-
-SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
 
 
 class TurbulenceModel(Protocol):

@@ -28,6 +28,17 @@ TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")
 NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
 # As in the headings of the table.
 SHORT_NAMES = {"time": "time_s", "size": "size_mb", "age": "age_h"}
+EXAMPLES = """  gslcosim runs
+  gslcosim runs runs results/smoke --where outcome=collision --where 'time<60' --sort -time
+  gslcosim runs --where 'scenario=gsl_bench_*' --limit 10 --json
+  gslcosim runs remove --where outcome!=success --where 'age>24'
+  gslcosim runs repair runs/tiny_room-seed7-20250101T120000-a1b2c3"""
+_SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
+_HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
+_ACTIONS = ("remove", "repair")
+# A run without a result and with a write this recent may belong to another user, or to another host.
+_QUIET_H = 10 / 60
+_UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,20 +105,6 @@ def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
                 "time_s": flight["sim_time_s"],
                 "speed": flight["real_time_factor"],
             }
-
-
-EXAMPLES = """  gslcosim runs
-  gslcosim runs runs results/smoke --where outcome=collision --where 'time<60' --sort -time
-  gslcosim runs --where 'scenario=gsl_bench_*' --limit 10 --json
-  gslcosim runs remove --where outcome!=success --where 'age>24'
-  gslcosim runs repair runs/tiny_room-seed7-20250101T120000-a1b2c3"""
-
-_SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
-_HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
-_ACTIONS = ("remove", "repair")
-# A run without a result and with a write this recent may belong to another user, or to another host.
-_QUIET_H = 10 / 60
-_UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,6 +18,15 @@ if TYPE_CHECKING:
     from gslcosim.scenario import Scenario
 
 Report = Callable[["RunStatus"], None]
+EXAMPLES = """  gslcosim view                                   the newest run
+  gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
+  gslcosim view runs/first runs/second --align first_contact
+  gslcosim view --at 120
+  gslcosim view hall                              the environment in the folder hall
+  gslcosim view --web
+  gslcosim view --screenshot run.png --window-size 1600x1000"""
+ENVIRONMENT_HEADER = "environment.yaml"
 
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
@@ -122,19 +131,6 @@ def _wait_until_closed(view: "LiveViewer") -> bool:
     except KeyboardInterrupt:
         return True
     return is_shown
-
-
-EXAMPLES = """  gslcosim view                                   the newest run
-  gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
-  gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
-  gslcosim view runs/first runs/second --align first_contact
-  gslcosim view --at 120
-  gslcosim view hall                              the environment in the folder hall
-  gslcosim view --web
-  gslcosim view --screenshot run.png --window-size 1600x1000"""
-
-
-ENVIRONMENT_HEADER = "environment.yaml"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
