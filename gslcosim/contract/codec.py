@@ -5,7 +5,6 @@ import contextlib
 import json
 import re
 import threading
-from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar, cast, get_args
 
@@ -132,16 +131,15 @@ def check_nesting(name: str, value: object) -> None:
     Raises:
         ContractError: deeper than `MAX_NESTING`.
     """
-    holders = [value] if type(value) in _CONTAINER_TYPES else []
+    holders: list[Any] = [value] if type(value) in _CONTAINER_TYPES else []
     for _ in range(MAX_NESTING):
-        holders = [item for holder in holders for item in _items(holder) if type(item) in _CONTAINER_TYPES]
+        items: list[Any] = []
+        for holder in holders:
+            items += cast(Any, holder).values() if isinstance(holder, dict) else holder
+        holders = [item for item in items if type(item) in _CONTAINER_TYPES]
         if not holders:
             return
     raise ContractError(f"{name}: expected lists and maps at most {MAX_NESTING} deep, were deeper.")
-
-
-def _items(holder: Any) -> Iterable[object]:
-    return holder.values() if isinstance(holder, dict) else holder  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
 
 
 class _DuplicateKeyError(ValueError):

@@ -2,7 +2,7 @@
 
 All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are rejected.
 In JSON, which the gateway offers too, they are objects with the same keys; bytes are base64 text.
-A message belongs to a tick and is valid at the end of that tick, unless its docstring says otherwise.
+A message belongs to a tick and is valid at the end of that tick, unless its docstring states otherwise.
 Frames: *world* is x east, y north, z up, right-handed, origin at the room's inner corner; *body* is x forward,
 y left, z up. Quaternions are (w, x, y, z).
 """
@@ -205,22 +205,11 @@ class DriveSetpoint(Record):
     yaw_rate_rad_s: float = 0.0
 
 
-# The same rule in JSON Schema, for validators in other languages.
-def _needed_by_kind() -> list[JsonValue]:
-    return [
-        {
-            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
-            "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
-        }
-        for kind, name in _NEEDED_BY_KIND.items()
-    ]
-
-
 class Command(Message):
     """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
 
-    `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
-    `velocity` flies with `velocity_world_m_s` and does not stop for the next command, which is due after
+    `waypoint` goes to `position_world_m` and holds there `hold_s` (absent: the briefing's);
+    `velocity` moves with `velocity_world_m_s` and does not stop for the next command, which is due after
     `hold_s`; at the edge of the room the vehicle stops by itself;
     `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
     `failed` is written by the runtime in place of an agent that is gone: no message follows it on this port.
@@ -271,8 +260,15 @@ class Command(Message):
 
     @classmethod
     def json_schema_extra(cls) -> dict[str, JsonValue]:
-        """Return the same rule in keywords of JSON Schema."""
-        return {"allOf": _needed_by_kind()}
+        """Return the same rule in keywords of JSON Schema, for validators in other languages."""
+        rules: list[JsonValue] = [
+            {
+                "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+                "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
+            }
+            for kind, name in _NEEDED_BY_KIND.items()
+        ]
+        return {"allOf": rules}
 
     @property
     def closes_port(self) -> bool:

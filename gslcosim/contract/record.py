@@ -57,13 +57,17 @@ def get_pydantic_model(record: type[msgspec.Struct]) -> type[BaseModel]:
     config = _CONFIG.copy()
     if extra := cast(Any, record).json_schema_extra():
         config["json_schema_extra"] = extra
-    check: Any = model_validator(mode="after")(_build_validator(record))
+
+    def check(model: BaseModel) -> BaseModel:
+        cast(Any, record).check_together(model)
+        return model
+
     return create_model(
         record.__name__,
         __config__=config,
         __doc__=record.__doc__,
         __module__=record.__module__,
-        __validators__={"check_together": check},
+        __validators__={"check_together": cast(Any, model_validator(mode="after")(check))},
         **fields,
     )
 
@@ -88,32 +92,10 @@ def validate_json(record: type[AnyStruct], text: bytes) -> AnyStruct:
     return _build_constructor(record)(get_pydantic_model(record).model_validate_json(text))
 
 
-def build_core_schema(record: type[msgspec.Struct], handler: GetCoreSchemaHandler) -> CoreSchema:
-    """Return pydantic's schema for a record that is part of another; an existing record passes unchecked."""
-    make = _build_constructor(record)
-
-    def taken(value: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
-        return value if type(value) is record else make(check(value))
-
-    model = get_pydantic_model(record)
-    return core_schema.json_or_python_schema(
-        json_schema=core_schema.no_info_after_validator_function(make, handler(model)),
-        python_schema=core_schema.no_info_wrap_validator_function(taken, handler(model)),
-    )
-
-
 def _get_default(field: msgspec.structs.FieldInfo) -> Any:
     if field.default_factory is not msgspec.NODEFAULT:
         return field.default_factory()
     return ... if field.default is msgspec.NODEFAULT else field.default
-
-
-def _build_validator(record: type[msgspec.Struct]) -> Callable[[BaseModel], BaseModel]:
-    def check(model: BaseModel) -> BaseModel:
-        cast(Any, record).check_together(model)
-        return model
-
-    return check
 
 
 def _build_constructor(record: type[AnyStruct]) -> Callable[[BaseModel], AnyStruct]:
@@ -189,15 +171,6 @@ class Record(msgspec.Struct, metaclass=RecordType):
         """Return keywords of JSON Schema that stand beside the fields."""
         return {}
 
-    @classmethod
-    def model_validate(cls, fields: object) -> Self:
-        """Return the record with these fields.
-
-        Raises:
-            pydantic.ValidationError: a field is missing, of the wrong type, or out of its limits.
-        """
-        return validate_fields(cls, fields)
-
     def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self:
         """Return the record with some fields replaced, which are not checked."""
         return msgspec.structs.replace(self, **update or {})
@@ -221,8 +194,17 @@ class Record(msgspec.Struct, metaclass=RecordType):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema by which pydantic checks a record that is part of another model."""
-        return build_core_schema(cls, handler)
+        """Return pydantic's schema for a record that is part of another; an existing record passes unchecked."""
+        build = _build_constructor(cls)
+
+        def validate(value: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
+            return value if type(value) is cls else build(check(value))
+
+        model = get_pydantic_model(cls)
+        return core_schema.json_or_python_schema(
+            json_schema=core_schema.no_info_after_validator_function(build, handler(model)),
+            python_schema=core_schema.no_info_wrap_validator_function(validate, handler(model)),
+        )
 
 
 class Message(Record):

@@ -31,10 +31,8 @@ def list_message_types() -> tuple[type[Message], ...]:
 
 def list_participation_types() -> tuple[type[Message], ...]:
     """Return the message types between a run and users' own models, by name; no agent receives them."""
-    found = [
-        item for item in vars(participant_messages).values() if isinstance(item, type) and issubclass(item, Message)
-    ]
-    own = (item for item in found if item.__module__ == participant_messages.__name__)
+    found = [item for item in vars(participant_messages).values() if isinstance(item, type)]
+    own = [item for item in found if issubclass(item, Message) and item.__module__ == participant_messages.__name__]
     return tuple(sorted((*own, ProbeSamples, SourceRate, WindShare), key=lambda item: item.__name__))
 
 
@@ -86,13 +84,11 @@ def _build_hashed_schema(item: type[Message]) -> dict[str, Any]:
     kept = {**schema, "properties": {name: field for name, field in fields.items() if name not in dropped}}
     definitions = kept.pop("$defs")
     needed: dict[str, Any] = {}
-    while missing := {name for name in definitions if name not in needed and _refers_to(name, [kept, needed])}:
+    while missing := {
+        name for name in definitions if name not in needed and f'"#/$defs/{name}"' in json.dumps([kept, needed])
+    }:
         needed |= {name: definitions[name] for name in missing}
     return {**kept, "$defs": needed}
-
-
-def _refers_to(name: str, schema: Any) -> bool:
-    return f'"#/$defs/{name}"' in json.dumps(schema)
 
 
 # pydantic's format for bytes is not standard, and its versions differ in how they write limits (1 or 1.0). In
@@ -125,19 +121,19 @@ def format_own_contract() -> str:
     return f"{CONTRACT_VERSION}+{get_contract_hash()}"
 
 
-def check_contract(told: str) -> None:
+def check_contract(stated: str) -> None:
     """Check the contract that the other side states.
 
     Another minor version is compatible in both directions: later fields are ignored or have defaults.
 
     Args:
-        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        stated: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
 
     Raises:
         ContractVersionError: the major version is another one; no message of the other side can be trusted.
         ContractError: not of that form, or the same version with another hash; the messages may still fit.
     """
-    found = check_version(told, CONTRACT_VERSION)
+    found = check_version(stated, CONTRACT_VERSION)
     minor = CONTRACT_VERSION.split(".")[1]
     is_same = int(found["minor"]) == int(minor)
     if is_same and found["hash"] is not None and found["hash"] != get_contract_hash():
@@ -147,24 +143,24 @@ def check_contract(told: str) -> None:
         )
 
 
-def check_version(told: str, spoken: str) -> re.Match[str]:
+def check_version(stated: str, own: str) -> re.Match[str]:
     """Check the version that the other side states; return its parts: `major`, `minor`, `hash`.
 
     Args:
-        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
-        spoken: The version of this side.
+        stated: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        own: The version of this side.
 
     Raises:
         ContractVersionError: the major version is another one.
         ContractError: not of that form.
     """
-    found = _CONTRACT_PATTERN.fullmatch(told)
+    found = _CONTRACT_PATTERN.fullmatch(stated)
     if found is None:
-        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {told[:60]!r}.")
-    major = spoken.split(".")[0]
+        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {stated[:60]!r}.")
+    major = own.split(".")[0]
     if int(found["major"]) != int(major):
         raise ContractVersionError(
-            f"contract: expected major version {major} (this run speaks {spoken}), was "
+            f"contract: expected major version {major} (this run speaks {own}), was "
             f"{found['major']}.{found['minor']}. Build the agent with the contract of this gslcosim: "
             "`gslcosim schema export` writes it."
         )
