@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Protocol
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from typing_extensions import override
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.spawn import open_memory_file
@@ -253,22 +254,22 @@ class Bus(Protocol):
         ...
 
 
-class QueueMailbox:
-    """See `Mailbox`."""
+class QueueMailbox(Mailbox):
+    """Mailbox of one process, without a transport."""
 
     def __init__(self) -> None:
         self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
 
+    @override
     def put(self, key: str, payload: bytes) -> None:
-        """Add a message."""
         self._messages.put((key, payload))
 
+    @override
     def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
-        """Return the next message, and wait for it."""
         return self._messages.get(timeout=timeout_s)
 
+    @override
     def get_nowait(self) -> tuple[str, bytes] | None:
-        """Return the next message, or None where there is none."""
         try:
             return self._messages.get_nowait()
         except queue.Empty:

@@ -21,6 +21,7 @@ from typing import Any, Self
 
 import zenoh
 import zenoh.handlers
+from typing_extensions import override
 
 from gslcosim.base.errors import (
     RESOURCE_ERRNOS,
@@ -32,6 +33,7 @@ from gslcosim.base.errors import (
 from gslcosim.base.thread_limit import reserve_session_threads
 from gslcosim.bus.interface import (
     INHERITED_FILES,
+    Bus,
     Certificate,
     JoinData,
     Mailbox,
@@ -240,7 +242,7 @@ def is_router_lost(event: zenoh.TransportEvent) -> bool:
     return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
 
 
-class ZenohMailbox:
+class ZenohMailbox(Mailbox):
     """Mailbox of a session; received messages and those of `put` have no order among each other.
 
     Args:
@@ -259,41 +261,44 @@ class ZenohMailbox:
         self._deadline_s: float | None = None
         self._watch: threading.Thread | None = None
 
+    @override
     def put(self, key: str, payload: bytes) -> None:
-        """Add a message."""
         self._put.put((key, payload))
         # A reader sets this before it looks for messages.
         if self._is_waiting:
             self._waker.put(b"")
 
+    @override
     def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
-        """Return the next message, and wait for it."""
         if timeout_s is not None and timeout_s < MAILBOX_CHECK_PERIOD_S:
-            return self._polled(timeout_s)
+            return self._poll(timeout_s)
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         self._is_waiting = True
         try:
             while (found := self.get_nowait()) is None:
                 if deadline_s is not None and time.monotonic() >= deadline_s:
                     raise queue.Empty
-                self._wake_at(deadline_s)
-                if (found := self._of(self._channel.recv())) is not None:
+                self._deadline_s = deadline_s
+                if deadline_s is not None and self._watch is None:
+                    self._watch = threading.Thread(target=self._wake_at_deadline, daemon=True)
+                    self._watch.start()
+                if (found := self._decode(self._channel.recv())) is not None:
                     break
             return found
         finally:
             self._is_waiting = False
             self._deadline_s = None
 
+    @override
     def get_nowait(self) -> tuple[str, bytes] | None:
-        """Return the next message, or None where there is none."""
         if not self._put.empty():
             return self._put.get()
         while (sample := self._channel.try_recv()) is not None:
-            if (found := self._of(sample)) is not None:
+            if (found := self._decode(sample)) is not None:
                 return found
         return None
 
-    def _polled(self, timeout_s: float) -> tuple[str, bytes]:
+    def _poll(self, timeout_s: float) -> tuple[str, bytes]:
         deadline_s = time.monotonic() + timeout_s
         while (found := self.get_nowait()) is None:
             left_s = deadline_s - time.monotonic()
@@ -302,17 +307,11 @@ class ZenohMailbox:
             time.sleep(min(left_s, MAILBOX_POLL_PERIOD_S))
         return found
 
-    def _of(self, sample: zenoh.Sample) -> tuple[str, bytes] | None:
+    def _decode(self, sample: zenoh.Sample) -> tuple[str, bytes] | None:
         key = str(sample.key_expr).removeprefix(self._prefix)
         return None if key == self._wake_key else (key, sample.payload.to_bytes())
 
-    def _wake_at(self, deadline_s: float | None) -> None:
-        self._deadline_s = deadline_s
-        if deadline_s is not None and self._watch is None:
-            self._watch = threading.Thread(target=self._look, daemon=True)
-            self._watch.start()
-
-    def _look(self) -> None:
+    def _wake_at_deadline(self) -> None:
         while True:
             time.sleep(MAILBOX_CHECK_PERIOD_S)
             deadline_s = self._deadline_s
@@ -323,7 +322,7 @@ class ZenohMailbox:
                     return
 
 
-class ZenohBus:
+class ZenohBus(Bus):
     """A Zenoh session as a `Bus`.
 
     Zenoh's own queues are bounded and drop or disconnect when full; all handlers here must only enqueue.
@@ -360,9 +359,11 @@ class ZenohBus:
                 session = open_with_retries(lambda: open_session(config), endpoint)
                 return cls(session, join.namespace)
         except zenoh.ZError as error:
+            account = f"user {join.user!r} and its password"
+            refused = f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
-                f"ended, or {_describe_refusal(join)} refused. ({error})"
+                f"ended, or {refused} refused. ({error})"
             ) from error
 
     @classmethod
@@ -423,8 +424,8 @@ class ZenohBus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @override
     def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
-        """Send bytes to all subscribers of a key; see `Bus`."""
         publisher = self._publishers.get((key, urgent))
         if publisher is None:
             publisher = self._session.declare_publisher(
@@ -436,6 +437,7 @@ class ZenohBus:
             self._publishers[key, urgent] = publisher
         publisher.put(payload)
 
+    @override
     def subscribe(
         self,
         key: str,
@@ -444,7 +446,7 @@ class ZenohBus:
         max_bytes: int | None = None,
         on_longer: Callable[[str, int], None] = lambda _key, _n_bytes: None,
     ) -> None:
-        """Call `handler(key, payload)` for each message; see `Bus`.
+        """Call `handler(key, payload)` for each message whose key matches.
 
         A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is called instead.
         """
@@ -460,15 +462,14 @@ class ZenohBus:
         callback: Any = zenoh.handlers.Callback(on_sample, indirect=True)
         self._held.append(self._session.declare_subscriber(key, callback))
 
+    @override
     def mailbox(self, key: str | None = None) -> Mailbox:
-        """Return a mailbox; see `Bus`."""
         if key is None:
             return QueueMailbox()
         return ZenohMailbox(self._session, self._prefix, key, key.replace("$*", "").replace("*", WAKE_SEGMENT))
 
+    @override
     def answer(self, key: str, answerer: QueryHandler) -> None:
-        """Answer each question put to a key; see `Bus`."""
-
         def reply(query: zenoh.Query) -> None:
             with query:
                 question = query.payload.to_bytes() if query.payload else b""
@@ -477,9 +478,8 @@ class ZenohBus:
 
         self._held.append(self._session.declare_queryable(key, reply))
 
+    @override
     def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
-        """Put a question to a key; see `Bus`."""
-
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 handler(self._relative(reply.ok.key_expr), reply.ok.payload.to_bytes())
@@ -493,16 +493,16 @@ class ZenohBus:
             if not self._session.is_closed():
                 raise
 
+    @override
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token; see `Bus`."""
         self._tokens[key] = self._session.liveliness().declare_token(key)
 
+    @override
     def withdraw_alive(self, key: str) -> None:
-        """Take back a liveliness token; see `Bus`."""
         self._tokens.pop(key).undeclare()
 
+    @override
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
-        """Call `handler(key, is_alive)` for each token; see `Bus`."""
         self._held.append(
             self._session.liveliness().declare_subscriber(
                 key,
@@ -519,21 +519,23 @@ class ZenohBus:
             )
         )
 
+    @override
     def close(self) -> None:
         """End the session. It can block for seconds on a bad link, so the wait is limited."""
         if self._session.is_closed():
             return
-        closing = threading.Thread(target=self._close_quietly, daemon=True)
+
+        def close_quietly() -> None:
+            with contextlib.suppress(zenoh.ZError):
+                self._session.close()
+
+        closing = threading.Thread(target=close_quietly, daemon=True)
         try:
             closing.start()
         except RuntimeError:
             # No memory for a thread: the session ends with the process.
             return
         closing.join(CLOSE_LIMIT_S)
-
-    def _close_quietly(self) -> None:
-        with contextlib.suppress(zenoh.ZError):
-            self._session.close()
 
     def _relative(self, key: object) -> str:
         return str(key).removeprefix(self._prefix)
@@ -579,8 +581,3 @@ def _enable_compression(config: zenoh.Config) -> None:
 
 def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
     config.insert_json5(f"transport/link/tls/{key}", json.dumps(base64.b64encode(pem.encode()).decode()))
-
-
-def _describe_refusal(join: JoinData) -> str:
-    account = f"user {join.user!r} and its password"
-    return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
