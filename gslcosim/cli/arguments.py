@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, load_registered
+from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, instance_of, load_registered
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
     from gslcosim.base.quantities import Vec3
+    from gslcosim.bus.interface import Certificate
     from gslcosim.scenario import LoadedScenario
     from gslcosim.scenario.loader import RandomPosition
     from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
@@ -131,13 +132,13 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = [str(choice) for choice in action.choices]
-            hint = _hint(str(value), {text: text for text in known})
+            hint = _format_hint(str(value), {text: text for text in known})
             raise argparse.ArgumentError(action, f"expected one of {', '.join(known)}, was '{value}'.{hint}")
 
     # Python's own method swallows errors of the stream.
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
-        tell = write if file is sys.stdout else write_note
-        tell(message.removesuffix("\n"))
+        write_line = write if file is sys.stdout else write_note
+        write_line(message.removesuffix("\n"))
 
 
 def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | None = None) -> Parser:
@@ -146,7 +147,7 @@ def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | No
         prog="gslcosim",
         usage="gslcosim [-h] [--version] COMMAND ...",
         description="Co-simulation for gas source localization: wind, gas, robots and agents in any language.",
-        epilog=f"{_listing(groups)}\n"
+        epilog=f"{_format_listing(groups)}\n"
         + _examples("  gslcosim up warehouse_empty\n  gslcosim view\n  gslcosim doctor")
         + "\nexit codes:\n  0 success   1 the agent failed   2 wrong call or scenario   3 simulation fault"
         "\n  4 timeout   5 runs differ   130 interrupted",
@@ -196,14 +197,10 @@ def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespa
 
 def load_options(path: str) -> list[CommandOptions]:
     """Return the options that installed extensions add to a command."""
-
-    def accept(offered: object) -> CommandOptions | None:
-        return offered if isinstance(offered, CommandOptions) else None
-
-    return list(load_registered(OPTIONS_GROUP, accept, "a CommandOptions", name=path))
+    return list(load_registered(OPTIONS_GROUP, instance_of(CommandOptions), "a CommandOptions", name=path))
 
 
-def _listing(groups: Sequence[CommandGroup]) -> str:
+def _format_listing(groups: Sequence[CommandGroup]) -> str:
     # As in argparse, where the help of a command begins in column 24.
     width = max(shutil.get_terminal_size().columns - 2, 40)
     lines = ["commands:"]
@@ -246,12 +243,14 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     elif first is not None and first not in names and words[0] == first:
         _check_installed(words[:2])
         _check_installed(words[:1])
-        hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
+        hint = _format_hint(
+            first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}}
+        )
         raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
     elif tuple(words[:2]) not in dict(iterate_commands(groups)):
         _check_installed(words[:2])
     words = _with_default_part(parser, groups, words)
-    arguments, unknown = parser.parse_known_args(_joined(words))
+    arguments, unknown = parser.parse_known_args(_join_negative_values(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
     return arguments
@@ -259,9 +258,9 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
 
 # Report words of an extension that is not installed in one sentence.
 def _check_installed(words: Sequence[str]) -> None:
-    asked = " ".join(words)
-    if remedy := find_remedy("commands", asked):
-        raise UsageError(f"gslcosim {asked}: expected a command that is installed. {remedy}")
+    called = " ".join(words)
+    if remedy := find_remedy("commands", called):
+        raise UsageError(f"gslcosim {called}: expected a command that is installed. {remedy}")
 
 
 def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> Sequence[str]:
@@ -276,7 +275,7 @@ def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Se
 
 
 # The parser would read a value that begins with a minus as an option.
-def _joined(words: Sequence[str]) -> list[str]:
+def _join_negative_values(words: Sequence[str]) -> list[str]:
     joined: list[str] = []
     for word in words:
         if joined and joined[-1] == _SORT and word.startswith("-") and not word.startswith("--"):
@@ -326,7 +325,7 @@ def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> 
     if remedy := find_remedy("commands", f"{command} {name}"):
         return f"{chosen.prog} {name}: expected an option that is installed. {remedy}"
     known = sorted({text for action in chosen._actions for text in action.option_strings if text[:2] == "--"})
-    hint = _hint(name, {text: text for text in known})
+    hint = _format_hint(name, {text: text for text in known})
     return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{hint}"
 
 
@@ -345,7 +344,7 @@ def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.Argum
 
 
 # `known` maps accepted words to the suggestion for each.
-def _hint(word: str, known: Mapping[str, str]) -> str:
+def _format_hint(word: str, known: Mapping[str, str]) -> str:
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f" Did you mean {known[matches[0]]}?" if matches else ""
 
@@ -371,11 +370,11 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
         file_name: The file's name within a run.
     """
     if run is None:
-        return _newest(runs_dir, file_name)
+        return _find_newest(runs_dir, file_name)
     path = Path(run)
     if path.is_file():
         return path
-    folders = [path] if path.is_dir() else _that_begin_with(run, runs_dir)
+    folders = [path] if path.is_dir() else _find_by_prefix(run, runs_dir)
     if len(folders) != 1:
         found = f"{len(folders)} that fit: {', '.join(p.name for p in folders[:5])}" if folders else "none"
         raise UsageError(f"{run}: expected a run's folder or the id of one run in {runs_dir}, found {found}.")
@@ -385,13 +384,13 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
     return file
 
 
-def _that_begin_with(run_id: str, runs_dir: Path) -> list[Path]:
+def _find_by_prefix(run_id: str, runs_dir: Path) -> list[Path]:
     if not runs_dir.is_dir():
         return []
     return sorted(path for path in runs_dir.iterdir() if path.is_dir() and path.name.startswith(run_id))
 
 
-def _newest(runs_dir: Path, file_name: str) -> Path:
+def _find_newest(runs_dir: Path, file_name: str) -> Path:
     files = sorted(runs_dir.glob(f"*/{file_name}"), key=lambda path: path.stat().st_mtime_ns)
     if not files:
         raise UsageError(
@@ -441,9 +440,10 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
 
     # Where services start elsewhere, pictures are drawn there too.
     named = {name.strip() for words in getattr(arguments, "elsewhere", ()) for name in words.split(",")}
+    pace = getattr(arguments, "pace", None)
     return load_scenario(
         arguments.scenario,
-        overrides=[*arguments.set, *_pace_override(arguments)],
+        overrides=[*arguments.set, *([] if pace is None else [f"pace={pace}"])],
         seed=arguments.seed,
         checks=list_scenario_checks(
             without=("drawing",) if named & {"all", "cameras"} else (),
@@ -463,6 +463,16 @@ def _draw_places(
     return draw_positions(spec, wind, scenario_dir, seed, wanted)
 
 
-def _pace_override(arguments: argparse.Namespace) -> list[str]:
-    pace = getattr(arguments, "pace", None)
-    return [] if pace is None else [f"pace={pace}"]
+def read_certificate(arguments: argparse.Namespace) -> "Certificate | None":
+    """Return the certificate of `--tls-certificate` and `--tls-key`, or None without both."""
+    from gslcosim.bus.interface import Certificate
+
+    given = [path for path in (arguments.tls_certificate, arguments.tls_key) if path is not None]
+    if len(given) == 1:
+        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
+    authorities = {name: getattr(arguments, f"tls_{name}", None) for name in ("ca", "client_ca")}
+    if given:
+        return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key, **authorities)
+    if any(path is not None for path in authorities.values()):
+        raise UsageError("expected --tls-certificate and --tls-key with --tls-ca or --tls-client-ca, found none.")
+    return None

@@ -97,12 +97,6 @@ def list_groups() -> tuple[CommandGroup, ...]:
     return merge_groups(found)
 
 
-# Commands of the core need no other package.
-def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
-    own = (command for group in CORE_GROUPS for command in group.commands if isinstance(command, Command))
-    return CORE_GROUPS if words and words[0] in {command.name for command in own} else list_groups()
-
-
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     # Imported objects stay: collecting garbage among them again and again would take a seventh of the start.
@@ -144,7 +138,9 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
     try:
-        groups = _list_groups_for(words)
+        # Commands of the core need no other package.
+        own = {each.name for group in CORE_GROUPS for each in group.commands if isinstance(each, Command)}
+        groups = CORE_GROUPS if words and words[0] in own else list_groups()
         parser = build_parser(groups, version=__version__, only=find_command_name(groups, words))
         if not words:
             parser.print_help(sys.stderr)

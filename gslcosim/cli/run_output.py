@@ -70,9 +70,9 @@ class PlainLines:
 
     def __call__(self, status: "RunStatus") -> None:
         """Write the status if it has changed."""
-        is_told = status.state == "preparing" or (status.state == "flying" and status.text)
+        has_own_line = status.state == "preparing" or (status.state == "flying" and status.text)
         other = f"{status.state} {status.is_late} {status.is_compiling}"
-        piece = (status.text or format_status(status)) if is_told else other
+        piece = (status.text or format_status(status)) if has_own_line else other
         left = self._remaining.describe(piece, status.fraction) if status.state == "preparing" else ""
         is_due = bool(left) and self._clock() - self._written_at_s >= _REMINDER_EVERY_S
         if piece == self._last and not is_due:
@@ -105,6 +105,12 @@ def format_summary(flight: "RunResult") -> str:
     if "validity" in result:
         lines += [*format_validity(result["validity"]), ""]
     return "\n".join([*lines, *_paths(flight.run_dir, result)])
+
+
+def note_faults(flight: "RunResult") -> None:
+    """Write the faults of a run that is not valid to stderr."""
+    for fault in () if flight.result.get("valid") else flight.result.get("faults", ()):
+        write_note(f"{fault['participant']}: {fault['text']}")
 
 
 def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:

@@ -161,8 +161,7 @@ def escape_library_messages() -> None:
 
 def ask(question: str) -> bool:
     """Ask a question on standard error; return whether the answer begins with y. The end of the input is a no."""
-    sys.stderr.write(f"{question} [y/N] ")
-    sys.stderr.flush()
+    write_prompt(f"{question} [y/N] ")
     return sys.stdin.readline().strip().lower().startswith("y")
 
 

@@ -81,7 +81,7 @@ def _top(arguments: argparse.Namespace) -> int:
 
     before = find_active_run(arguments.run)
     is_drawn_again = sys.stdout.isatty() and not arguments.once and not arguments.json
-    with _drawn_again() if is_drawn_again else contextlib.nullcontext(_write_page) as show:
+    with _draw_pages() if is_drawn_again else contextlib.nullcontext(_write_page) as show:
         while True:
             time.sleep(arguments.every)
             now = query_status(before.window)
@@ -101,7 +101,7 @@ def _top(arguments: argparse.Namespace) -> int:
 
 # Draws each page in place of the last one, which stays at the end.
 @contextlib.contextmanager
-def _drawn_again() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None]]":
+def _draw_pages() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None]]":
     with draw_pages() as draw:
 
         def draw_page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> None:

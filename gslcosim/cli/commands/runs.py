@@ -49,7 +49,7 @@ class RowReader:
     read: Callable[[Path], Sequence[RunSummary]]
 
 
-def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
+def collect_rows(folders: Sequence[Path], progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
     """Return the runs in folders, with the rows of folders that extensions read."""
     facts: list[RunSummary] = []
     readers = tuple(load_registered(RUN_ROWS_GROUP, instance_of(RowReader), "a RowReader"))
@@ -60,9 +60,9 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
             facts += reader.read(folder)
             continue
         for path in _folders_in(folder):
-            facts.append(_facts_or_why_not(path))
-            if tell is not None and len(facts) % 500 == 0:
-                tell(len(facts))
+            facts.append(_read_row(path))
+            if progress is not None and len(facts) % 500 == 0:
+                progress(len(facts))
     # Faster than `dataclasses.asdict`, which copies each value.
     rows = [{name: getattr(one, name) for name in COLUMNS} for one in facts]
     if any(row["state"] == "broken" for row in rows):
@@ -82,7 +82,7 @@ def _folders_in(folder: Path) -> list[Path]:
 
 
 # A folder that cannot be read, or has vanished, does not hide the others.
-def _facts_or_why_not(path: Path) -> RunSummary:
+def _read_row(path: Path) -> RunSummary:
     try:
         return read_run_summary(path)
     except OSError as error:
@@ -193,8 +193,10 @@ def _remove(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
         raise UsageError(
             "gslcosim runs remove: expected --where, which says what to remove, for example --where outcome!=success."
         )
-    removable = [row for row in rows if not _why_kept(row)]
-    kept = [{"run": row["run"], "folder": row["folder"], "why": why} for row in rows if (why := _why_kept(row))]
+    removable = [row for row in rows if not _find_reason_to_keep(row)]
+    kept = [
+        {"run": row["run"], "folder": row["folder"], "why": why} for row in rows if (why := _find_reason_to_keep(row))
+    ]
     size_mb = sum(row["size_mb"] or 0.0 for row in removable)
     if arguments.yes:
         for row in removable:
@@ -213,7 +215,7 @@ def _remove(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
     return 0
 
 
-def _why_kept(row: Mapping[str, Any]) -> str:
+def _find_reason_to_keep(row: Mapping[str, Any]) -> str:
     if row["state"] == "foreign":
         return "not a run"
     if row["state"] == "running":

@@ -4,12 +4,13 @@ import argparse
 import contextlib
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, RecordingError, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, build_number_parser, find_in_run
+from gslcosim.cli.run_output import Report
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import Scenario
 
-Report = Callable[["RunStatus"], None]
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
   gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
@@ -86,7 +86,7 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
         return
     if not scenario.recording.enabled:
         raise UsageError("--live and --serve show the recording: expected recording.enabled to be true, was false.")
-    view = _opened(kind)
+    view = _open_viewer(kind)
     flight = RunViewer(view)
     try:
         yield flight
@@ -100,7 +100,7 @@ def serve_until_closed(recording: Path) -> None:
     from gslcosim.recordings.viewer import N_TRIES
 
     for _ in range(N_TRIES):
-        view = _opened("browser")
+        view = _open_viewer("browser")
         try:
             view.show(recording, lambda: True)
             if _wait_until_closed(view):
@@ -109,7 +109,7 @@ def serve_until_closed(recording: Path) -> None:
             view.close()
 
 
-def _opened(kind: "ViewerKind") -> "LiveViewer":
+def _open_viewer(kind: "ViewerKind") -> "LiveViewer":
     from gslcosim.base.processes import build_parent_death_prefix
     from gslcosim.recordings.viewer import LiveViewer
 
