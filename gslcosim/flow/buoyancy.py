@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import FlowError
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.flow.domain import Domain
-from gslcosim.flow.patches import Outlet, Patch, PlacedPatch, place_patch
+from gslcosim.flow.patches import Outlet, Patch, place_patch
 from gslcosim.flow.pressure import F32, HIGH, LOW, padded
 from gslcosim.flow.turbulence import KEpsilon, TurbulenceModel, Velocity, transport_scalar
 
@@ -343,17 +343,20 @@ class Buoyancy:
         self._next = padded(domain.shape)
         self._stratification = padded(domain.shape)
         free = domain.air[_INNER]
-        self._walls = [_place_wall(wall, free, domain.cell_m) for wall in scalar.walls]
+        self._walls = [
+            place_patch(Patch(min_m=wall.min_m, max_m=wall.max_m), free, domain.cell_m) for wall in scalar.walls
+        ]
         placed = [(_cell_of(r.position_m, domain, "release"), r) for r in scalar.releases]
         self._releases = [(cell, release) for cell, release in placed if release.area_m2 is None]
         self._plumes = [_Plume(r, r.area_m2, cell, domain) for cell, r in placed if r.area_m2 is not None]
         self._holes = [(_cell_of(o.centre_m, domain, "orifice"), o) for o in scalar.orifices]
         self.released_m3_s = sum(r.volume_m3_s for r in scalar.releases)
         _check_exits(domain, scalar, self.released_m3_s)
-        self._lay_out_strips()
+        heights = (np.arange(_STRIPS) + 0.5) / _STRIPS - 0.5
+        self._strip_z_m = np.array([o.centre_m[2] + o.height_m * heights for o in scalar.orifices]).reshape(-1)
+        self._strip_area_m2 = np.repeat([o.discharge * o.area_m2 / _STRIPS for o in scalar.orifices], _STRIPS)
         self.inflow_m3_s = np.zeros(len(self._holes))
         self.outflow_m3_s = np.zeros(len(self._holes))
-        self._is_emitting = np.zeros(len(self._releases))
         # Scalar times volume that has left through holes [unit m3].
         self.escaped_m3 = 0.0
         self.set_releasing(is_on=True)
@@ -373,8 +376,8 @@ class Buoyancy:
         scalar, cell_m = self.scalar, self._domain.cell_m
         pull_m_s2 = abs(scalar.buoyancy_m_s2) * float(largest_step(self.values, self._domain.air))
         limits = [_STEP_SHARE * (cell_m / pull_m_s2) ** 0.5] if pull_m_s2 > 0 else []
-        for on, (_, release) in zip(self._is_emitting, self._releases):
-            pull_m4_s3 = on * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
+        for _, release in self._releases:
+            pull_m4_s3 = self._emission * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
             limits += [(cell_m**4 / pull_m4_s3) ** (1 / 3)] if pull_m4_s3 > 0 else []
         flows = [float(flow) for flow in (*self.outflow_m3_s, *self.inflow_m3_s)]
         flows += [plume.largest_m3_s for plume in self._plumes]
@@ -383,7 +386,7 @@ class Buoyancy:
 
     def set_releasing(self, *, is_on: bool) -> None:
         """Open or shut all releases; from the next step on."""
-        self._wanted = float(is_on)
+        self._next_emission = float(is_on)
 
     def column_mean(self) -> NDArray[np.float64]:
         """Return the mean of the scalar over the air at each height, (nz,)."""
@@ -401,18 +404,18 @@ class Buoyancy:
             self.values, *velocity, model.nu, model.nu_m2_s, scalar.diffusivity_m2_s, sigma, dt_s, cell_m, new
         )
         volume_m3 = cell_m**3
-        for on, (cell, release) in zip(self._is_emitting, self._releases):
-            new[cell] += np.float32(on * dt_s * release.scalar_m3_s / volume_m3)
+        for cell, release in self._releases:
+            new[cell] += np.float32(self._emission * dt_s * release.scalar_m3_s / volume_m3)
         for plume in self._plumes:
             plume.carry(self.values, new, dt_s)
         for outward, (cell, _) in zip(self.outflow_m3_s, self._holes):
-            share = min(dt_s * outward / volume_m3, 1.0)
-            new[cell] -= np.float32(share) * self.values[cell]
-            self.escaped_m3 += share * volume_m3 * float(self.values[cell])
-        for (placed, layer), wall in zip(self._walls, scalar.walls):
-            share = np.float32(2 * scalar.diffusivity_m2_s * dt_s / cell_m**2)
-            here = placed.layer(layer)
-            new[here] += share * (np.float32(wall.value) - self.values[here]) * domain.air[here]
+            fraction = min(dt_s * outward / volume_m3, 1.0)
+            new[cell] -= np.float32(fraction) * self.values[cell]
+            self.escaped_m3 += fraction * volume_m3 * float(self.values[cell])
+        for placed, wall in zip(self._walls, scalar.walls):
+            fraction = np.float32(2 * scalar.diffusivity_m2_s * dt_s / cell_m**2)
+            here = placed.layer(placed.inside)
+            new[here] += fraction * (np.float32(wall.value) - self.values[here]) * domain.air[here]
         new[~domain.air] = 0
         self.values, self._next = new, self.values
         self._find_flows()
@@ -427,35 +430,24 @@ class Buoyancy:
     # Entering air is without the scalar, leaving air has the value inside.
     def _fill_padding(self, velocity: Velocity) -> None:
         for placed in self._domain.outlets:
-            n = self._domain.shape[placed.axis]
-            face = LOW + n if placed.is_high else LOW
-            inside = face - 1 if placed.is_high else face
-            normal = velocity[placed.axis][placed.layer(slice(face, face + 1))]
+            normal = velocity[placed.axis][placed.layer(slice(placed.face, placed.face + 1))]
             leaves = normal > 0 if placed.is_high else normal < 0
-            outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-            self.values[placed.layer(outside)] = np.where(
-                leaves, self.values[placed.layer(slice(inside, inside + 1))], 0
-            )
-
-    def _lay_out_strips(self) -> None:
-        shares = (np.arange(_STRIPS) + 0.5) / _STRIPS - 0.5
-        holes = [hole for _, hole in self._holes]
-        self._strip_z_m = np.array([hole.centre_m[2] + hole.height_m * shares for hole in holes]).reshape(-1)
-        self._strip_area_m2 = np.repeat([hole.discharge * hole.area_m2 / _STRIPS for hole in holes], _STRIPS)
+            within = self.values[placed.layer(slice(placed.inside, placed.inside + 1))]
+            self.values[placed.layer(placed.outside)] = np.where(leaves, within, 0)
 
     # Volume that enters and leaves cells from now on: by releases, and by holes from the pressure inside.
     def _find_flows(self) -> None:
-        self._is_emitting[:] = self._wanted
+        self._emission = self._next_emission
         if not self._holes and not self.released_m3_s:
             return
         cell_m = self._domain.cell_m
         if self.source_m_s is None:
             self.source_m_s = padded(self._domain.shape)
         self.source_m_s[:] = 0
-        for on, (cell, release) in zip(self._is_emitting, self._releases):
-            self.source_m_s[cell] += np.float32(on * release.volume_m3_s / cell_m**2)
+        for cell, release in self._releases:
+            self.source_m_s[cell] += np.float32(self._emission * release.volume_m3_s / cell_m**2)
         for plume in self._plumes:
-            plume.rise(self.values, self.scalar.buoyancy_m_s2, self._wanted)
+            plume.rise(self.values, self.scalar.buoyancy_m_s2, self._emission)
             plume.add_volume(self.source_m_s)
         if not self._holes:
             return
@@ -467,7 +459,7 @@ class Buoyancy:
         )
         outward = np.empty_like(self._strip_z_m)
         share = np.interp(self._strip_z_m, z_m, column)
-        net_m3_s = self._wanted * self.released_m3_s
+        net_m3_s = self._emission * self.released_m3_s
         flows_through_holes(
             np.interp(self._strip_z_m, z_m, head), share, self._strip_area_m2, self.scalar.density_ratio, net_m3_s,
             outward,
@@ -477,11 +469,6 @@ class Buoyancy:
         self.inflow_m3_s = np.maximum(-strips, 0).sum(axis=1)
         for net, (cell, _) in zip(strips.sum(axis=1), self._holes):
             self.source_m_s[cell] -= np.float32(net / cell_m**2)
-
-
-def _place_wall(wall: FixedWall, free: NDArray[np.bool_], cell_m: float) -> tuple[PlacedPatch, int]:
-    placed = place_patch(Patch(min_m=wall.min_m, max_m=wall.max_m), free, cell_m)
-    return placed, LOW + free.shape[placed.axis] - 1 if placed.is_high else LOW
 
 
 def _cell_of(position_m: Vec3, domain: Domain, name: str) -> tuple[int, int, int]:

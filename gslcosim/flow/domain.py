@@ -263,10 +263,13 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
     check_kinds(placed, needs_openings=needs_openings)
     check_overlap(placed, shape)
     is_closed = not any(isinstance(p.patch, Outlet) for p in placed)
-    padded_air = np.zeros(padded_shape(shape), np.bool_)
+    padded_air = np.zeros(tuple(n + LOW + HIGH for n in shape), np.bool_)
     padded_air[tuple(slice(LOW, LOW + n) for n in shape)] = free
     n_free = int(np.count_nonzero(free))
-    padded_air = _connected(padded_air, _seeds(placed, padded_air))
+    _, ny, nz = padded_air.shape
+    reached = np.zeros_like(padded_air)
+    flood(padded_air.ravel(), reached.ravel(), _seeds(placed, padded_air), ny * nz, nz)
+    padded_air = reached
     _check_reachable(placed, padded_air)
     coefficients = _face_coefficients(padded_air, placed)
     n_air = int(np.count_nonzero(padded_air))
@@ -283,11 +286,6 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
         n_air=n_air,
         n_cut_off=n_free - n_air,
     )
-
-
-def padded_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the shape of padded arrays for a grid of cells."""
-    return tuple(n + LOW + HIGH for n in shape)
 
 
 def check_grid(free: Bool, cell_m: float) -> None:
@@ -308,16 +306,11 @@ def check_grid(free: Bool, cell_m: float) -> None:
         raise FlowError("free: expected some air, was solid everywhere.")
 
 
-# Index of the layer of cells inside the box at a patch.
-def _inner(placed: PlacedPatch, n: int) -> int:
-    return LOW + n - 1 if placed.is_high else LOW
-
-
 def _seeds(placed: Sequence[PlacedPatch], air: Bool) -> NDArray[np.int64]:
     seeds = np.zeros(air.shape, np.bool_)
     for p in placed:
         if isinstance(p.patch, Outlet):
-            seeds[p.layer(_inner(p, air.shape[p.axis] - LOW - HIGH))] = True
+            seeds[p.layer(p.inside)] = True
     seeds &= air
     if not seeds.any():
         seeds.ravel()[np.argmax(air)] = True
@@ -326,17 +319,11 @@ def _seeds(placed: Sequence[PlacedPatch], air: Bool) -> NDArray[np.int64]:
 
 def _check_reachable(placed: Sequence[PlacedPatch], air: Bool) -> None:
     for p in placed:
-        if isinstance(p.patch, Inlet) and not air[p.layer(_inner(p, air.shape[p.axis] - LOW - HIGH))].any():
+        if isinstance(p.patch, Inlet) and not air[p.layer(p.inside)].any():
             raise FlowError(
                 f"{p.patch}: no outlet can be reached through the air behind it. "
                 f"Open a way of at least one cell, or use smaller cells."
             )
-
-
-def _connected(air: Bool, seeds: NDArray[np.int64]) -> Bool:
-    reached = np.zeros_like(air)
-    flood(air.ravel(), reached.ravel(), seeds, air.shape[1] * air.shape[2], air.shape[2])
-    return reached
 
 
 def _face_coefficients(air: Bool, placed: Sequence[PlacedPatch]) -> tuple[F32, F32, F32]:
@@ -347,11 +334,9 @@ def _face_coefficients(air: Bool, placed: Sequence[PlacedPatch]) -> tuple[F32, F
         below: list[slice] = [slice(None)] * 3
         above[axis], below[axis] = slice(1, None), slice(None, -1)
         open_faces[tuple(above)] = air[tuple(above)] & air[tuple(below)]
-        n = air.shape[axis] - LOW - HIGH
         for p in placed:
             if p.axis == axis and isinstance(p.patch, Outlet):
-                face = LOW + n if p.is_high else LOW
-                open_faces[p.layer(face)] = 2.0 * air[p.layer(_inner(p, n))]
+                open_faces[p.layer(p.face)] = 2.0 * air[p.layer(p.inside)]
         coefficients.append(open_faces)
     return coefficients[0], coefficients[1], coefficients[2]
 
@@ -360,14 +345,13 @@ def _face_coefficients(air: Bool, placed: Sequence[PlacedPatch]) -> tuple[F32, F
 def _wall_faces(air: Bool, placed: Sequence[PlacedPatch]) -> list[tuple[int, int, Bool, dict[int, F32]]]:
     faces = []
     for axis in range(3):
-        n = air.shape[axis] - LOW - HIGH
         for sign in (-1, 1):
             rubs = air & ~np.roll(air, -sign, axis=axis)
             speeds: dict[int, F32] = {}
             for p in placed:
                 if p.axis != axis or p.is_high != (sign > 0):
                     continue
-                layer = p.layer(_inner(p, n))
+                layer = p.layer(p.inside)
                 if not isinstance(p.patch, MovingWall):
                     rubs[layer] = False
                     continue

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 Profile = Callable[[F64], F64]
 
-_AXES = "xyz"
+AXES = ("x", "y", "z")
 Bool = NDArray[np.bool_]
 Slices = tuple[slice | int, ...]
 
@@ -173,7 +173,9 @@ def log_profile(
     Source: Richards and Hoxey 1993, doi:10.1016/0167-6105(93)90124-7, equation 5; lengths from Wieringa 1993,
     doi:10.1007/BF00712119.
     """
-    axis = _axis(up)
+    if up not in AXES:
+        raise FlowError(f"axis: expected x, y or z, was {up!r}.")
+    axis = AXES.index(up)
     if not (height_m > 0 and roughness_m > 0):
         raise FlowError(
             f"log_profile: expected height_m and roughness_m above 0 m, were {height_m} m and {roughness_m} m."
@@ -181,16 +183,10 @@ def log_profile(
 
     def profile_m_s(points_m: F64) -> F64:
         height = np.maximum(points_m[:, axis] - ground_m, 0.0)
-        share = np.log1p(height / roughness_m) / np.log1p(height_m / roughness_m)
-        return np.multiply.outer(share, np.asarray(velocity_m_s, float))
+        ratio = np.log1p(height / roughness_m) / np.log1p(height_m / roughness_m)
+        return np.multiply.outer(ratio, np.asarray(velocity_m_s, float))
 
     return profile_m_s
-
-
-def _axis(name: str) -> int:
-    if name not in ("x", "y", "z"):
-        raise FlowError(f"axis: expected x, y or z, was {name!r}.")
-    return _AXES.index(name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,23 +264,36 @@ class SlipWall(Patch):
     """A wall without friction, or a plane of symmetry."""
 
 
-AXES = "xyz"
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlacedPatch:
     """A patch on the grid: the side of the box it lies on and the boundary cells it covers.
 
-    `cells` selects, in a padded cell array, the layer of cells inside the box; `rows` is the pair of index ranges along
-    the two other axes (unpadded). `inflow` is the inflow of an inlet.
+    `inside` is the padded index, along `axis`, of the layer of cells inside the box; `rows` is the pair of index ranges
+    along the two other axes (unpadded). `inflow` is the inflow of an inlet.
     """
 
     patch: Patch
     axis: int
     is_high: bool
+    inside: int
     rows: tuple[slice, slice]
     n_cells: int
     inflow: Inflow | None = None
+
+    @property
+    def face(self) -> int:
+        """Return the padded index of the layer of boundary faces."""
+        return self.inside + self.is_high
+
+    @property
+    def just_outside(self) -> int:
+        """Return the padded index of the layer of cells outside the box."""
+        return self.inside + 1 if self.is_high else self.inside - 1
+
+    @property
+    def outside(self) -> slice:
+        """Return the padded indices of all layers of cells outside the box."""
+        return slice(self.inside + 1, None) if self.is_high else slice(0, self.inside)
 
     def layer(self, index: int | slice, *, face_axis: int | None = None) -> Slices:
         """Return a padded-array index: `index` along the patch's axis, the covered range along the others.
@@ -338,7 +347,13 @@ def place_patch(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
         centres_m = _face_centres_m(axis, box[axis] if is_high else 0.0, rows, cell_m)
         inflow = make_inflow(name, patch.velocity_m_s, patch.factor, centres_m)
     return PlacedPatch(
-        patch=patch, axis=axis, is_high=is_high, rows=rows, n_cells=int(np.count_nonzero(covered)), inflow=inflow
+        patch=patch,
+        axis=axis,
+        is_high=is_high,
+        inside=LOW + free.shape[axis] - 1 if is_high else LOW,
+        rows=rows,
+        n_cells=int(np.count_nonzero(covered)),
+        inflow=inflow,
     )
 
 

@@ -378,7 +378,8 @@ class _Level:
                 last = np.take(source, fine_shape[axis], axis=axis)
                 faces[(slice(None),) * axis + (-1,)] += last
             for other in (a for a in range(3) if a != axis):
-                faces = _sum_pairs(faces, other, coarse_shape[other])
+                even = 2 * np.arange(coarse_shape[other])
+                faces = np.take(faces, even, axis=other) + np.take(faces, even + 1, axis=other)
             target[tuple(slice(LOW, LOW + n) for n in faces.shape)] = 0.5 * faces
             coarse.append(target)
         return coarse[0], coarse[1], coarse[2]
@@ -390,11 +391,6 @@ def _take_even(values: F32, axis: int, n: int) -> F32:
     taken = np.take(values, np.minimum(index, values.shape[axis] - 1), axis=axis)
     taken[(slice(None),) * axis + (index >= values.shape[axis],)] = 0
     return taken
-
-
-# Sums of neighbouring pairs along an axis, n of them.
-def _sum_pairs(values: F32, axis: int, n: int) -> F32:
-    return np.take(values, 2 * np.arange(n), axis=axis) + np.take(values, 2 * np.arange(n) + 1, axis=axis)
 
 
 class PressureSolver:

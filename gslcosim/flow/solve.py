@@ -368,9 +368,11 @@ def _report(
     divergence_m_s = solver.divergence_m_s(velocity)
     inflow, outflow = mass_balance(domain, velocity)
     model = solver.model if isinstance(solver.model, KEpsilon) else None
+    inner, faces = slice(LOW, -HIGH), slice(LOW, -HIGH + 1)
+    u, v, w = velocity
     return WindReport(
         velocity_m_s=solver.centre_velocity(velocity),
-        face_velocity_m_s=_trimmed(velocity),
+        face_velocity_m_s=(u[faces, inner, inner].copy(), v[inner, faces, inner].copy(), w[inner, inner, faces].copy()),
         k_m2_s2=None if model is None else model.k[_INNER].copy(),
         epsilon_m2_s3=None if model is None else model.epsilon[_INNER].copy(),
         divergence_max_per_s=divergence_m_s / domain.cell_m,
@@ -386,10 +388,3 @@ def _report(
         frames_m_s=None if frames is None else frames.frames_m_s,
         frame_times_s=None if frames is None else frames.times_s,
     )
-
-
-# Face velocities without their padding.
-def _trimmed(velocity: Velocity) -> Velocity:
-    inner, faces = slice(LOW, -HIGH), slice(LOW, -HIGH + 1)
-    u, v, w = velocity
-    return u[faces, inner, inner].copy(), v[inner, faces, inner].copy(), w[inner, inner, faces].copy()

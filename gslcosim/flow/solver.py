@@ -39,11 +39,9 @@ def impose_open_pressure(domain: Domain, velocity: Velocity, pressure: F32) -> N
     for placed in domain.outlets:
         if not isinstance(placed.patch, Open):
             continue
-        n = domain.shape[placed.axis]
-        face, outside = (LOW + n, LOW + n) if placed.is_high else (LOW, LOW - 1)
-        normal = velocity[placed.axis][placed.layer(face)]
+        normal = velocity[placed.axis][placed.layer(placed.face)]
         entering = np.minimum(normal, 0) if placed.is_high else np.maximum(normal, 0)
-        pressure[placed.layer(outside)] = -0.5 * entering**2
+        pressure[placed.layer(placed.just_outside)] = -0.5 * entering**2
 
 
 def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> None:
@@ -65,10 +63,10 @@ def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> 
         mirror_into_ghosts(component.ravel(), ghosts.faces, ghosts.starts, ghosts.sources)
     for placed in domain.placed:
         if isinstance(placed.patch, (SlipWall, MovingWall)):
-            _mirror_at_patch(placed, velocity, domain)
+            _mirror_at_patch(placed, velocity)
     impose_inlets(domain, velocity, time_s)
     for placed in domain.outlets:
-        _fill_outlet(placed, velocity, nu, domain)
+        _fill_outlet(placed, velocity, nu)
 
 
 def clear_ghosts(domain: Domain, velocity: Velocity) -> None:
@@ -77,47 +75,39 @@ def clear_ghosts(domain: Domain, velocity: Velocity) -> None:
         component.ravel()[ghosts.faces] = 0
 
 
-# Layers just inside and just outside the box at one side.
-def _layers(domain: Domain, axis: int, *, is_high: bool) -> tuple[int, int]:
-    return (LOW + domain.shape[axis] - 1, LOW + domain.shape[axis]) if is_high else (LOW, LOW - 1)
-
-
 def _mirror_at_walls(domain: Domain, velocity: Velocity, axis: int, *, is_high: bool) -> None:
-    inside, outside = _layers(domain, axis, is_high=is_high)
+    n = domain.shape[axis]
+    inside, outside = (LOW + n - 1, LOW + n) if is_high else (LOW, LOW - 1)
     beyond, within = [slice(None)] * axis + [outside], [slice(None)] * axis + [inside]
     for component in range(3):
         if component != axis:
             np.negative(velocity[component][tuple(within)], out=velocity[component][tuple(beyond)])
 
 
-def _mirror_at_patch(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
-    inside, outside = _layers(domain, placed.axis, is_high=placed.is_high)
+def _mirror_at_patch(placed: PlacedPatch, velocity: Velocity) -> None:
     for component in range(3):
         if component == placed.axis:
             continue
-        within = velocity[component][placed.layer(inside, face_axis=component)]
+        within = velocity[component][placed.layer(placed.inside, face_axis=component)]
         value = within
         if isinstance(placed.patch, MovingWall):
             value = np.float32(2 * placed.patch.velocity_m_s[component]) - within
-        velocity[component][placed.layer(outside, face_axis=component)] = value
+        velocity[component][placed.layer(placed.just_outside, face_axis=component)] = value
 
 
 # Prescribed velocities on an inlet's faces and in the padding outside of it.
 def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain, time_s: float) -> None:
     assert placed.inflow is not None
     speeds = placed.inflow.at(time_s)
-    n = domain.shape[placed.axis]
-    inside = LOW + n - 1 if placed.is_high else LOW
-    is_air = domain.air[placed.layer(slice(inside, inside + 1))]
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-    normal = slice(inside + 1, None) if placed.is_high else slice(0, LOW + 1)
+    is_air = domain.air[placed.layer(slice(placed.inside, placed.inside + 1))]
+    normal = placed.outside if placed.is_high else slice(0, placed.face + 1)
     for axis in range(3):
         if axis == placed.axis:
             speed = np.expand_dims(speeds[..., axis], placed.axis)
             velocity[axis][placed.layer(normal)] = np.where(is_air, speed, np.float32(0))
         else:
             speed = _between_cells(speeds[..., axis], axis - (axis > placed.axis))
-            velocity[axis][placed.layer(outside, face_axis=axis)] = np.expand_dims(speed, placed.axis)
+            velocity[axis][placed.layer(placed.outside, face_axis=axis)] = np.expand_dims(speed, placed.axis)
 
 
 # Values of cells averaged to the faces between them along one axis; at the ends the value of the cell.
@@ -127,22 +117,17 @@ def _between_cells(values: F32, axis: int) -> F32:
 
 
 # Padding outside an outlet: as inside, but without normal velocity where air enters, unless open.
-def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domain) -> None:
-    n = domain.shape[placed.axis]
-    face = LOW + n if placed.is_high else LOW
-    normal = velocity[placed.axis]
+def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32) -> None:
+    face, inside, normal = placed.face, placed.inside, velocity[placed.axis]
     leaving = normal[placed.layer(slice(face, face + 1))]
     if not isinstance(placed.patch, Open):
         leaving = np.maximum(leaving, 0) if placed.is_high else np.minimum(leaving, 0)
-    inside = face - 1 if placed.is_high else face
     normal[placed.layer(slice(face + 1, None) if placed.is_high else slice(0, face))] = leaving
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
     for axis in range(3):
         if axis != placed.axis:
             along = placed.layer(slice(inside, inside + 1), face_axis=axis)
-            velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
-    just_outside = inside + 1 if placed.is_high else inside - 1
-    nu[placed.layer(just_outside)] = nu[placed.layer(inside)]
+            velocity[axis][placed.layer(placed.outside, face_axis=axis)] = velocity[axis][along]
+    nu[placed.layer(placed.just_outside)] = nu[placed.layer(inside)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,10 +362,8 @@ def mass_balance(domain: Domain, velocity: Velocity) -> tuple[float, float]:
     """Return the volume flow into and out of the box [m3/s], summed over boundary faces by sign."""
     flows: list[NDArray[np.float64]] = []
     for placed in (*domain.inlets, *domain.outlets):
-        n = domain.shape[placed.axis]
-        face = LOW + n if placed.is_high else LOW
         outward = 1.0 if placed.is_high else -1.0
-        flows.append(outward * velocity[placed.axis][placed.layer(face)].astype(np.float64).ravel())
+        flows.append(outward * velocity[placed.axis][placed.layer(placed.face)].astype(np.float64).ravel())
     outward_flow = np.concatenate(flows) if flows else np.zeros(0)
     area = domain.cell_m**2
     inflow = -float(outward_flow[outward_flow < 0].sum()) * area

@@ -38,13 +38,6 @@ SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
 
 
 @numba.njit(cache=True, nogil=True)
-def viscous_friction(friction_m_s, nu_m2_s, cell_m):
-    """Set the friction velocity factor c of `tau = c (U - U_wall)` of a laminar wall layer: c = nu / (h / 2) [m/s]."""
-    for n in range(friction_m_s.shape[0]):
-        friction_m_s[n] = 2.0 * nu_m2_s / cell_m
-
-
-@numba.njit(cache=True, nogil=True)
 def log_law_friction(cells, k_m2_s2, nu_m2_s, cell_m, friction_m_s):
     """Set the wall friction from the turbulence energy beside the wall.
 
@@ -559,8 +552,8 @@ class Laminar:
     def __init__(self, domain: Domain, nu_m2_s: float) -> None:
         self.nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
-        self.friction_m_s = np.zeros(domain.friction.cells.size)
-        viscous_friction(self.friction_m_s, nu_m2_s, domain.cell_m)
+        # The factor c of `tau = c (U - U_wall)` of a laminar wall layer: c = nu / (h / 2).
+        self.friction_m_s = np.full(domain.friction.cells.size, 2.0 * nu_m2_s / domain.cell_m)
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
         """Do nothing."""
@@ -635,10 +628,9 @@ class KEpsilon:
         self.epsilon = np.full_like(self.nu, epsilon)
         for placed in domain.inlets:
             inlet_k, inlet_epsilon = inlet_turbulence(placed, domain)
-            outside = slice(-HIGH, None) if placed.is_high else slice(0, LOW)
-            self.k[placed.layer(outside)] = inlet_k
-            self.epsilon[placed.layer(outside)] = inlet_epsilon
-        self._take_over(self.k.copy(), self.epsilon.copy())
+            self.k[placed.layer(placed.outside)] = inlet_k
+            self.epsilon[placed.layer(placed.outside)] = inlet_epsilon
+        self.set_turbulence(self.k.copy(), self.epsilon.copy())
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
         """Advance k and epsilon by one explicit step, then the eddy viscosity and the wall friction."""
@@ -670,29 +662,22 @@ class KEpsilon:
             self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s,
             np.float32(constants.c_1), np.float32(constants.c_2),
         )  # fmt: skip
-        self._take_over(k_new, e_new)
+        self.set_turbulence(k_new, e_new)
 
     def set_turbulence(self, k_m2_s2: F32, epsilon_m2_s3: F32) -> None:
-        """Continue from padded k and epsilon; the model owns both arrays from now on."""
-        self._take_over(k_m2_s2, epsilon_m2_s3)
-
-    # Make the new k and epsilon current, with the walls' values, and derive viscosity and friction.
-    def _take_over(self, k_new: F32, e_new: F32) -> None:
+        """Set padded k and epsilon, with the walls' values, and derive viscosity and friction; epsilon is modified."""
         cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self.nu_m2_s
-        wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
+        wall_dissipation(cells, k_m2_s2.ravel(), nu, cell_m, epsilon_m2_s3.ravel())
         c_mu = np.float32(self._constants.c_mu)
-        eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon, c_mu)
+        eddy_viscosity_k_epsilon(k_m2_s2, epsilon_m2_s3, nu, self.nu, self.k, self.epsilon, c_mu)
         log_law_friction(cells, self.k.ravel(), nu, cell_m, self.friction_m_s)
 
     # Outside an outlet k and epsilon are those inside.
     def _fill_outlets(self) -> None:
         for placed in self._domain.outlets:
-            n = self._domain.shape[placed.axis]
-            inside = LOW + n - 1 if placed.is_high else LOW
-            outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
             for scalar in (self.k, self.epsilon):
-                value = scalar[placed.layer(slice(inside, inside + 1))]
-                scalar[placed.layer(outside)] = value
+                value = scalar[placed.layer(slice(placed.inside, placed.inside + 1))]
+                scalar[placed.layer(placed.outside)] = value
 
 
 def start_turbulence(domain: Domain) -> tuple[float, float]:
