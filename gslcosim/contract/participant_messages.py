@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
-import msgpack  # pyright: ignore[reportMissingTypeStubs]
+import msgspec
 from pydantic import Field, StringConstraints
 
 from gslcosim.contract.environment_messages import WIND, SourceRate, WindShare, build_source_port
@@ -22,8 +22,6 @@ _SOURCE_WORD = re.compile(r"source_(0|[1-9][0-9]{0,8})")
 
 MAX_PORTS = 64
 MAX_VALUES = 256
-# Without type stubs, so its functions are Any.
-_msgpack: Any = msgpack
 _Port = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 _Ports = Annotated[tuple[_Port, ...], Field(max_length=MAX_PORTS)]
 
@@ -152,9 +150,5 @@ class ParticipantValues(Message):
 
 def encode_inputs(tick: int, time_s: float, payloads: Mapping[str, bytes]) -> bytes:
     """Return the canonical bytes of `ParticipantInputs` from those of its messages."""
-    packer: Any = _msgpack.Packer(use_bin_type=True)
-    parts = [packer.pack_map_header(3), packer.pack("tick"), packer.pack(tick), packer.pack("time_s")]
-    parts += [packer.pack(time_s), packer.pack("inputs"), packer.pack_map_header(len(payloads))]
-    for port, payload in payloads.items():
-        parts += [packer.pack(port), payload]
-    return b"".join(parts)
+    inputs = {port: msgspec.Raw(payload) for port, payload in payloads.items()}
+    return msgspec.msgpack.encode({"tick": tick, "time_s": time_s, "inputs": inputs})
