@@ -98,7 +98,7 @@ class FrameRecorder:
         return self._frames_m_s[: self._n_kept]
 
     def start(self, solver: FlowSolver) -> None:
-        """Keep the field before the first step, if it is asked for."""
+        """Keep the field before the first step, if it is due."""
         self._keep_if_due(solver, solver.time_s)
 
     def see(self, solver: FlowSolver, record: StepRecord) -> None:
