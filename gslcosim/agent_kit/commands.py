@@ -15,7 +15,7 @@ def waypoint(
     outgoing: Sequence[RadioMessage] = (),
     belief: Belief | None = None,
 ) -> Command:
-    """Return the command to fly to a place, world frame [m], and hold there (absent: as long as the briefing says)."""
+    """Return the command to go to a place, world frame [m], and hold there (absent: for the briefing's time)."""
     return Command(
         tick=observation.tick,
         kind="waypoint",
@@ -46,24 +46,24 @@ def declaration(
 
 
 class LegCommander:
-    """Gives the commands for legs, with the hold and the duration that a method's settings ask for.
+    """Builds commands for legs, with the hold and the duration of a method's settings.
 
-    With a duration a leg is a mission with one place, which is reached no earlier than after that time.
+    With a duration a leg is a mission with one waypoint, which is reached no earlier than after that time.
     """
 
     def __init__(self, briefing: Briefing, *, hold_s: float | None = None, leg_s: float | None = None) -> None:
-        """Take note of the settings.
+        """Store the settings.
 
         Args:
-            hold_s: How long to hold after a leg [s]; absent: as long as the briefing says.
-            leg_s: The least time a leg takes [s]; absent: as fast as the vehicle flies.
+            hold_s: Hold after a leg [s]; absent: the briefing's.
+            leg_s: Least duration of a leg [s]; absent: as short as the vehicle's limits allow.
         """
         self._height_m = briefing.search_height_m
         self._hold_s, self._briefed_hold_s = hold_s, briefing.hold_s
         self._leg_s = leg_s
 
     def leg(self, observation: Observation, end_m: Sequence[float]) -> Command:
-        """Return the command for a leg to x and y, at the search height where no z is given; world frame [m]."""
+        """Return the command for a leg to x and y, at the search height without a z; world frame [m]."""
         x_m, y_m, z_m = (*end_m, self._height_m)[:3]
         if self._leg_s is None:
             return waypoint(observation, x_m, y_m, z_m, hold_s=self._hold_s)

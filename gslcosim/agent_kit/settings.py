@@ -13,13 +13,13 @@ Settings = TypeVar("Settings", bound=Any)
 
 
 def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
-    """Return a method's settings as attributes: the scenario's values, the others by the card's defaults.
+    """Return a method's settings as attributes: the scenario's values, else the card's defaults.
 
     Args:
         program: The agent's file (`__file__`); its card is `method.yaml` beside it.
 
     Raises:
-        MethodError: a sensor, a grant or a channel is missing, or a parameter is wrong; all of it in one text.
+        MethodError: a sensor, a grant or a channel is missing, or a parameter is wrong; the text has all problems.
     """
     card = load_card(Path(program).with_name(CARD_FILE))
     shortages = find_unmet_needs(
@@ -35,11 +35,11 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
 
 
 def extract_settings(kind: type[Settings], settings: object) -> Settings:
-    """Return the part of a method's settings that a dataclass names; those that are missing keep their defaults."""
+    """Return the part of a method's settings that a dataclass names; missing ones keep the dataclass's defaults."""
     return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})
 
 
 def granted_knowledge(briefing: Briefing) -> tuple[str, ...]:
-    """Return which knowledge a briefing grants: `map`, `plume`, `source`."""
+    """Return the kinds of knowledge that a briefing grants: `map`, `plume`, `source`."""
     grants = {"map": briefing.known_map, "plume": briefing.plume, "source": briefing.known_sources}
     return tuple(name for name, grant in grants.items() if grant)

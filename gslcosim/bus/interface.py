@@ -1,4 +1,4 @@
-"""Interface that every transport offers, and the data with which a process joins a run."""
+"""Interface of all transports, and the data with which a process joins a run."""
 
 import json
 import os
@@ -12,22 +12,23 @@ from pathlib import Path
 from typing import Annotated, Protocol
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from typing_extensions import override
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.spawn import open_memory_file
 
 JOIN_VARIABLE = "GSLCOSIM_JOIN"
-# The agents that a process flies, where it joins no bus; where the gateway is, and the password there.
+# Agents of a process that joins no bus; the gateway's address, and the password there.
 AGENT_VARIABLE = "GSLCOSIM_AGENT"
 GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
 TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
-# What a process of a run gets in its environment.
+# Variables in the environment of a process of a run.
 JOIN_VARIABLES = (JOIN_VARIABLE, AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE)
 JOIN_FILE_WAIT_S = 120.0
-# Linux names the open files of a process here.
+# Folder in which Linux names the open files of a process.
 INHERITED_FILES = Path("/proc/self/fd")
 
-# A join file comes from another host: what is in it ends in the configuration of the bus, in lines of accounts, and on
+# A join file comes from another host: its contents end up in the configuration of the bus, in lines of accounts, and on
 # the terminal.
 MAX_JOIN_FILE_BYTES = 1 << 20
 _MEMBER = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}"
@@ -43,9 +44,12 @@ Endpoint = Annotated[
 ]
 Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]
 Secret = Annotated[str, StringConstraints(pattern=r"^[ -~]{1,200}$")]
+PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
+MessageHandler = Callable[[str, bytes], None]
+QueryHandler = Callable[[bytes], list[bytes]]
 
 
-# Patterns are for text in UTF-8 only, which names of files need not be.
+# Patterns match UTF-8 text only, which file names need not be.
 def _check_path(path: str) -> str:
     if not 0 < len(path) <= _MAX_PATH or "\x00" in path:
         raise ValueError(f"expected a path of 1 to {_MAX_PATH} characters, none of them NUL")
@@ -53,18 +57,14 @@ def _check_path(path: str) -> str:
 
 
 PathText = Annotated[str, AfterValidator(_check_path)]
-PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
-
-MessageHandler = Callable[[str, bytes], None]
-QueryHandler = Callable[[bytes], list[bytes]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """A TLS certificate and its private key, PEM files: the router's, or that of who joins it.
+    """A TLS certificate and its private key, PEM files: the router's, or a member's.
 
-    The other two are the router's alone. `ca` vouches for it; absent: its certificate vouches for itself.
-    `client_ca` vouches for those who may join; absent: all may who know name and password.
+    Only the router has the other two. `ca` vouches for its certificate; absent: the certificate vouches for itself.
+    `client_ca` vouches for the members that may join; absent: name and password suffice.
     """
 
     certificate: Path
@@ -74,7 +74,7 @@ class Certificate:
 
 
 class Mesh(BaseModel):
-    """Links between services of one host past the router: where one listens, and whom it calls."""
+    """Direct links between services of one host: the address to listen at, and those to connect to."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -83,16 +83,16 @@ class Mesh(BaseModel):
 
 
 class JoinData(BaseModel):
-    """Data with which a process joins a run: where, as whom, and under which namespace.
+    """Data with which a process joins a run: endpoint, name, account and namespace.
 
-    `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
-    vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
-    they are several; otherwise it flies the one of its `name`. `is_watched` says that the supervisor sees
-    whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
-    `lease_s` [s] of silence. `window_ticks` is given to services only, where it is not the usual one.
-    `mesh` is given to services that share the router's host.
-    Where the router lets nobody in without a client certificate, `needs_tls_client` says so, and
-    `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
+    `run_dir` is given to services only, never to agents. `tls_root_ca` is the PEM text of the certificate that vouches
+    for the router, for endpoints that begin with `tls/`. `agents` names the agents of the process where there are
+    several; otherwise it is the one of its `name`. `is_watched` means that the supervisor observes whether the process
+    ends or is stopped, so that silence need not be interpreted. Other processes are given up after `lease_s` [s] of
+    silence. `window_ticks` is given to services only, where it is not the default. `mesh` is given to services that
+    share the router's host.
+    `needs_tls_client` means that the router requires a client certificate; `tls_client_certificate` and
+    `tls_client_key` are PEM texts that the joining host has added.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -117,8 +117,8 @@ class JoinData(BaseModel):
     def from_environment(cls) -> "JoinData":
         """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file with it.
 
-        A file that does not exist yet is waited for, so that processes on several hosts may start in any order. An
-        inherited one, `/proc/self/fd/N`, is closed when it has been read.
+        A missing file is waited for, so that processes on several hosts may start in any order. An inherited one,
+        `/proc/self/fd/N`, is closed after it has been read.
         """
         text = os.environ.get(JOIN_VARIABLE, "")
         if not text:
@@ -131,10 +131,10 @@ class JoinData(BaseModel):
         return cls.from_text(text, place=JOIN_VARIABLE)
 
     def hand_over(self) -> tuple[dict[str, str], tuple[int, ...]]:
-        """Return the variables with which a process that is started joins, and the descriptors that it inherits.
+        """Return the variables with which a child process joins, and the descriptors that it inherits.
 
-        The join data are a file in memory, as far as the system names inherited ones: the environment of a process can
-        be read by others of its user.
+        The join data are a file in memory where the system names inherited files: the environment of a process can be
+        read by other processes of its user.
         """
         text = self.model_dump_json(exclude_none=True)
         if not INHERITED_FILES.is_dir():
@@ -144,7 +144,7 @@ class JoinData(BaseModel):
 
     @classmethod
     def from_text(cls, text: str, *, place: str) -> "JoinData":
-        """Return the join data that a JSON text holds."""
+        """Return the join data in a JSON text."""
         try:
             return cls.model_validate(json.loads(text))
         except (ValueError, RecursionError) as error:
@@ -152,7 +152,7 @@ class JoinData(BaseModel):
 
 
 def describe_problem(error: Exception) -> str:
-    """Return what is wrong with join data, without what secrets it holds."""
+    """Return the problem of join data, without their secrets."""
     if not isinstance(error, ValidationError):
         return str(error)[:300]
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
@@ -160,7 +160,7 @@ def describe_problem(error: Exception) -> str:
 
 
 def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) -> str:
-    """Return what a file with join data holds, which is waited for where it does not exist yet."""
+    """Return the contents of a file with join data; a missing file is waited for."""
     deadline = time.monotonic() + wait_s
     while not path.exists():
         if time.monotonic() > deadline:
@@ -169,13 +169,13 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
         time.sleep(0.05)
     text = _read_regular(path, place)
     if path.parent == INHERITED_FILES:
-        # What is not open any more cannot be read by who looks at this process.
+        # A closed file cannot be read by observers of this process.
         with suppress(OSError):
             os.close(int(path.name))
     return text
 
 
-# A pipe would be waited for, and a device would never end.
+# Opening a pipe would block, and reading a device would never end.
 def _read_regular(path: Path, place: str) -> str:
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
@@ -202,7 +202,7 @@ class Mailbox(Protocol):
         """Return the next message as (key, payload), and wait for it.
 
         Args:
-            timeout_s: For how long [s]; absent: until there is one.
+            timeout_s: Limit of the wait [s]; absent: none.
         """
         ...
 
@@ -218,7 +218,7 @@ class Bus(Protocol):
     """
 
     def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
-        """Send bytes to all subscribers of a key; `urgent` is not held back for batching."""
+        """Send bytes to all subscribers of a key; an `urgent` message is not held back for batching."""
         ...
 
     def subscribe(self, key: str, handler: MessageHandler) -> None:
@@ -226,23 +226,23 @@ class Bus(Protocol):
         ...
 
     def mailbox(self, key: str | None = None) -> Mailbox:
-        """Return a mailbox that gets each message whose key matches (`$*` any part of a segment, besides)."""
+        """Return a mailbox for the messages whose key matches (`$*` also matches any part of a segment)."""
         ...
 
     def answer(self, key: str, answerer: QueryHandler) -> None:
-        """Answer each question put to a key with a list of payloads."""
+        """Answer each query of a key with a list of payloads."""
         ...
 
     def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
-        """Put a question to a key; each answer goes to `handler`. No answer is not an error."""
+        """Send a query to a key; each answer goes to `handler`. No answer is not an error."""
         ...
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token until it is withdrawn or this connection ends."""
+        """Publish a liveliness token until it is withdrawn or this connection ends."""
         ...
 
     def withdraw_alive(self, key: str) -> None:
-        """Take back a liveliness token of this connection."""
+        """Withdraw a liveliness token of this connection."""
         ...
 
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
@@ -254,22 +254,22 @@ class Bus(Protocol):
         ...
 
 
-class QueueMailbox:
-    """See `Mailbox`."""
+class QueueMailbox(Mailbox):
+    """Mailbox of one process, without a transport."""
 
     def __init__(self) -> None:
         self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
 
+    @override
     def put(self, key: str, payload: bytes) -> None:
-        """Add a message."""
         self._messages.put((key, payload))
 
+    @override
     def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
-        """Return the next message, and wait for it."""
         return self._messages.get(timeout=timeout_s)
 
+    @override
     def get_nowait(self) -> tuple[str, bytes] | None:
-        """Return the next message, or None where there is none."""
         try:
             return self._messages.get_nowait()
         except queue.Empty:

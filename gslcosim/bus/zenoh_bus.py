@@ -21,6 +21,7 @@ from typing import Any, Self
 
 import zenoh
 import zenoh.handlers
+from typing_extensions import override
 
 from gslcosim.base.errors import (
     RESOURCE_ERRNOS,
@@ -32,6 +33,7 @@ from gslcosim.base.errors import (
 from gslcosim.base.thread_limit import reserve_session_threads
 from gslcosim.bus.interface import (
     INHERITED_FILES,
+    Bus,
     Certificate,
     JoinData,
     Mailbox,
@@ -41,13 +43,39 @@ from gslcosim.bus.interface import (
 )
 
 SERVICE_ACCOUNT = "service"
+_EXPECTED_SESSION = "a session that opens"
+# Name of the class by which pyo3 reports a Rust panic; the class cannot be imported.
+_PANIC_TYPE = "PanicException"
+_UNIX_SOCKET = "unixsock-stream/"
+# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
+_MAX_ATTEMPTS = 3
+# Limit of a service's attempts to reach the router, and delays of attempts to reach services that have not started.
+MESH_LIMIT_MS = 2000
+MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
+# More than any reader's backlog: a full channel would stop the reception of the whole session.
+MAILBOX_CAPACITY = 1 << 16
+# Longer waits end by a thread with this period [s]; shorter ones poll.
+MAILBOX_CHECK_PERIOD_S = 0.05
+MAILBOX_POLL_PERIOD_S = 0.0005
+# Default silence after which others give up a member elsewhere that hangs without its process having ended [ms].
+LEASE_MS = 2500
+# Tolerance of members elsewhere for a silent router, because the supervisor may be paused [ms].
+ROUTER_LEASE_MS = 60_000
+# The end or stop of processes of this machine is observed: their silence has no meaning.
+WATCHED_LEASE_MS = 24 * 60 * 60 * 1000
+# Wait of the router for a member that does not read, before it closes the link; longer than a process may be stopped.
+# Other members wait meanwhile.
+UNREAD_LIMIT_MS = 10_000
+CLOSE_LIMIT_S = 5.0
+# Segment of a key that no participant has.
+WAKE_SEGMENT = "-"
+# A callback waits until the interpreter's lock is released; Python's 5 ms would be the latency of a run.
+SWITCH_INTERVAL_S = 0.0002
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentAccount:
-    """The account of a process that flies an agent: the agent's keys, and those of `others` if there are, are all it
-    can reach.
-    """
+    """The account of an agents' process, which can reach the keys of its agent and of `others` only."""
 
     agent: str
     password: str
@@ -59,10 +87,10 @@ class AgentAccount:
         return f"agent_{self.agent}"
 
 
-# Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
-# what its egress rule lets through.
+# A rule matches when its key includes the message's key, so an agent may subscribe to `**` and still receives only the
+# messages that its egress rule allows.
 def build_access_control(namespace: str, agents: list[AgentAccount]) -> dict[str, Any]:
-    """Return the access rules of Zenoh's router: services may do everything, agents what `AgentAccount` says."""
+    """Return the access rules of Zenoh's router: no limits for services, those of `AgentAccount` for agents."""
     rules: list[dict[str, Any]] = [
         {
             "id": "everything",
@@ -104,23 +132,16 @@ def _build_rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -
     return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
 
 
-_EXPECTED_SESSION = "a session that opens"
-# How pyo3 raises what Rust does not handle; no class to be imported.
-_PANIC_TYPE = "PanicException"
-_UNIX_SOCKET = "unixsock-stream/"
-# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
-_MAX_ATTEMPTS = 3
-
-
 def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = None) -> zenoh.Session:
     """Open a session.
 
     Args:
-        first_member: Of a member that joins a router and leaves it at once where the limit on threads is low: a router
-            starts the threads that read only when the first member comes, and by then others may have taken them.
+        first_member: Configuration of a member that joins a router and leaves it at once where the limit on threads is
+            low: a router starts its reading threads only with its first member, when other sessions may have used up
+            the limit.
     """
     try:
-        # Its runtime panics where it gets no thread.
+        # Zenoh's runtime panics where it cannot start a thread.
         with reserve_session_threads() as is_low:
             session = zenoh.open(config)
             if is_low and first_member is not None:
@@ -146,9 +167,9 @@ def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = No
 
 
 def open_with_retries(open_once: Callable[[], zenoh.Session], endpoint: str) -> zenoh.Session:
-    """Open a session to the router of this machine; wait for a router that is stopped, however long that is.
+    """Open a session to this machine's router; wait for a stopped router for an unlimited time.
 
-    Zenoh gives an attempt up after seconds, and its error is the same for a stopped router and a refused password.
+    Zenoh gives up an attempt after seconds, with the same error for a stopped router and a refused password.
     """
     for _ in range(_MAX_ATTEMPTS - 1):
         try:
@@ -160,10 +181,10 @@ def open_with_retries(open_once: Callable[[], zenoh.Session], endpoint: str) -> 
 
 
 def wait_for_router(endpoint: str) -> bool:
-    """Wait until a process that listens at a unix socket reads what it is sent; return false where none listens.
+    """Wait until the process that listens at a unix socket reads from it; return False where none listens.
 
-    The kernel accepts connections for a process that is stopped. It sees the end of this one when it continues, and
-    closes it.
+    The kernel accepts connections for a stopped process, which reads the end of this one when it continues, and closes
+    it.
     """
     if not endpoint.startswith(_UNIX_SOCKET):
         return False
@@ -181,26 +202,21 @@ def wait_for_router(endpoint: str) -> bool:
 
 
 def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
-    """Close the link of a member that has read nothing for so long [ms]."""
+    """Close the link of a member that has read nothing for this time [ms]."""
     config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
 
 
-# How long a service tries to reach the router, and how soon it tries again those that have not started yet.
-MESH_LIMIT_MS = 2000
-MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
-
-
 def is_mesh_possible() -> bool:
-    """Return whether this system has files without a name, where agents of the same user cannot read accounts."""
+    """Return whether the system has files without a name, in which agents of the same user cannot read accounts."""
     return hasattr(os, "memfd_create")
 
 
 @contextlib.contextmanager
 def peer_session(config: zenoh.Config, join: JoinData) -> Generator[None]:
-    """Configure a session as a peer of the other services, and let it open within the block.
+    """Configure a session as a peer of the other services; it has to be opened within the block.
 
-    A router forwards nothing between peers, so whatever one writes reaches each reader once. Peers let each other in as
-    the router lets in services. Does nothing for who is in no mesh.
+    A router forwards nothing between peers, so each message reaches each reader once. Peers admit each other by the
+    same account as the router. Without a mesh nothing is configured.
     """
     mesh = join.mesh
     if mesh is None:
@@ -222,23 +238,16 @@ def peer_session(config: zenoh.Config, join: JoinData) -> Generator[None]:
 
 
 def is_router_lost(event: zenoh.TransportEvent) -> bool:
-    """Return whether the link to the router has ended; peers come and go."""
+    """Return whether the link to the router has ended; links to peers come and go."""
     return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
 
 
-# More than readers may ever lag behind: a full channel would stop all that the session receives.
-MAILBOX_CAPACITY = 1 << 16
-# Who waits for longer is woken by a thread that looks so often [s]; shorter waits poll.
-MAILBOX_CHECK_PERIOD_S = 0.05
-MAILBOX_POLL_PERIOD_S = 0.0005
-
-
-class ZenohMailbox:
-    """See `Mailbox`. Messages of the channel and those that are put have no order among each other.
+class ZenohMailbox(Mailbox):
+    """Mailbox of a session; received messages and those of `put` have no order among each other.
 
     Args:
-        prefix: The namespace with its slash, which keys are given without.
-        wake_key: A key that `key` matches and nobody else uses.
+        prefix: The namespace with its slash, removed from keys.
+        wake_key: A key that matches `key` and that no other member uses.
     """
 
     def __init__(self, session: zenoh.Session, prefix: str, key: str, wake_key: str) -> None:
@@ -252,41 +261,44 @@ class ZenohMailbox:
         self._deadline_s: float | None = None
         self._watch: threading.Thread | None = None
 
+    @override
     def put(self, key: str, payload: bytes) -> None:
-        """Add a message."""
         self._put.put((key, payload))
-        # Whoever begins to wait says so before it looks here.
+        # A reader sets this before it looks for messages.
         if self._is_waiting:
             self._waker.put(b"")
 
+    @override
     def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
-        """Return the next message, and wait for it."""
         if timeout_s is not None and timeout_s < MAILBOX_CHECK_PERIOD_S:
-            return self._polled(timeout_s)
+            return self._poll(timeout_s)
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         self._is_waiting = True
         try:
             while (found := self.get_nowait()) is None:
                 if deadline_s is not None and time.monotonic() >= deadline_s:
                     raise queue.Empty
-                self._wake_at(deadline_s)
-                if (found := self._of(self._channel.recv())) is not None:
+                self._deadline_s = deadline_s
+                if deadline_s is not None and self._watch is None:
+                    self._watch = threading.Thread(target=self._wake_at_deadline, daemon=True)
+                    self._watch.start()
+                if (found := self._decode(self._channel.recv())) is not None:
                     break
             return found
         finally:
             self._is_waiting = False
             self._deadline_s = None
 
+    @override
     def get_nowait(self) -> tuple[str, bytes] | None:
-        """Return the next message, or None where there is none."""
         if not self._put.empty():
             return self._put.get()
         while (sample := self._channel.try_recv()) is not None:
-            if (found := self._of(sample)) is not None:
+            if (found := self._decode(sample)) is not None:
                 return found
         return None
 
-    def _polled(self, timeout_s: float) -> tuple[str, bytes]:
+    def _poll(self, timeout_s: float) -> tuple[str, bytes]:
         deadline_s = time.monotonic() + timeout_s
         while (found := self.get_nowait()) is None:
             left_s = deadline_s - time.monotonic()
@@ -295,17 +307,11 @@ class ZenohMailbox:
             time.sleep(min(left_s, MAILBOX_POLL_PERIOD_S))
         return found
 
-    def _of(self, sample: zenoh.Sample) -> tuple[str, bytes] | None:
+    def _decode(self, sample: zenoh.Sample) -> tuple[str, bytes] | None:
         key = str(sample.key_expr).removeprefix(self._prefix)
         return None if key == self._wake_key else (key, sample.payload.to_bytes())
 
-    def _wake_at(self, deadline_s: float | None) -> None:
-        self._deadline_s = deadline_s
-        if deadline_s is not None and self._watch is None:
-            self._watch = threading.Thread(target=self._look, daemon=True)
-            self._watch.start()
-
-    def _look(self) -> None:
+    def _wake_at_deadline(self) -> None:
         while True:
             time.sleep(MAILBOX_CHECK_PERIOD_S)
             deadline_s = self._deadline_s
@@ -316,27 +322,8 @@ class ZenohMailbox:
                     return
 
 
-# How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
-# say.
-LEASE_MS = 2500
-# How long members elsewhere put up with a router that is silent, because the supervisor is paused [ms].
-ROUTER_LEASE_MS = 60_000
-# Processes of this machine are seen to end and to be stopped: their silence means nothing, and is not waited for.
-WATCHED_LEASE_MS = 24 * 60 * 60 * 1000
-# For so long the router waits for a member that does not read before it closes its link; longer than a process may be
-# stopped. Meanwhile others wait, too.
-UNREAD_LIMIT_MS = 10_000
-CLOSE_LIMIT_S = 5.0
-# Stands for a segment of a key that no participant has.
-WAKE_SEGMENT = "-"
-
-
-# A callback waits for the interpreter until its holder gives way; Python's 5 ms would be the latency of a run.
-SWITCH_INTERVAL_S = 0.0002
-
-
-class ZenohBus:
-    """A Zenoh session seen as a `Bus`.
+class ZenohBus(Bus):
+    """A Zenoh session as a `Bus`.
 
     Zenoh's own queues are bounded and drop or disconnect when full; all handlers here must only enqueue.
     """
@@ -346,7 +333,7 @@ class ZenohBus:
         self._session = session
         self._prefix = f"{namespace}/"
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
-        self._held: list[Any] = []  # Zenoh undeclares what nobody holds
+        self._held: list[Any] = []  # Zenoh undeclares objects without a reference
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
     @classmethod
@@ -365,16 +352,18 @@ class ZenohBus:
             config.insert_json5("transport/link/tls/enable_mtls", "true")
             _insert_base64(config, "connect_certificate_base64", join.tls_client_certificate)
             _insert_base64(config, "connect_private_key_base64", join.tls_client_key)
-        # Whoever is watched is ended with the supervisor, so a router that is silent is one that is stopped.
+        # A watched process ends with the supervisor, so a silent router is a stopped one.
         endpoint = join.endpoint if join.is_watched else ""
         try:
             with peer_session(config, join):
                 session = open_with_retries(lambda: open_session(config), endpoint)
                 return cls(session, join.namespace)
         except zenoh.ZError as error:
+            account = f"user {join.user!r} and its password"
+            refused = f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
-                f"ended, or {_describe_refusal(join)} refused. ({error})"
+                f"ended, or {refused} refused. ({error})"
             ) from error
 
     @classmethod
@@ -389,11 +378,11 @@ class ZenohBus:
         tls: Certificate | None = None,
         lease_s: float = 0.0,
     ) -> Self:
-        """Open the run's router, with one account for the services and one for each process that flies agents.
+        """Open the run's router, with one account for the services and one for each process of agents.
 
-        It is confined to `agents/<name>/**` of its agents: it may write their commands and their liveliness tokens
-        there and read the rest of it; everything else is denied in both directions.
-        Who is cut off keeps its place for `lease_s`, the longest lease of those elsewhere.
+        An agents' account is confined to `agents/<name>/**` of its agents: it may write their commands and their
+        liveliness tokens there and read the rest of it; everything else is denied in both directions.
+        A member that is cut off keeps its place for `lease_s`, the longest lease of members elsewhere.
         """
         agents, endpoints = list(agents), list(endpoints)
         accounts = secrets_dir / "accounts"
@@ -426,7 +415,7 @@ class ZenohBus:
         except zenoh.ZError as error:
             raise SimulationFault(f"router: expected to listen on {endpoints}, could not: {error}") from error
         finally:
-            # The router has read it; agents of the same user could.
+            # The router has read it; agents of the same user could read it, too.
             accounts.unlink()
 
     def __enter__(self) -> Self:
@@ -435,8 +424,8 @@ class ZenohBus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @override
     def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
-        """Send bytes to all subscribers of a key; see `Bus`."""
         publisher = self._publishers.get((key, urgent))
         if publisher is None:
             publisher = self._session.declare_publisher(
@@ -448,6 +437,7 @@ class ZenohBus:
             self._publishers[key, urgent] = publisher
         publisher.put(payload)
 
+    @override
     def subscribe(
         self,
         key: str,
@@ -456,7 +446,7 @@ class ZenohBus:
         max_bytes: int | None = None,
         on_longer: Callable[[str, int], None] = lambda _key, _n_bytes: None,
     ) -> None:
-        """Call `handler(key, payload)` for each message; see `Bus`.
+        """Call `handler(key, payload)` for each message whose key matches.
 
         A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is called instead.
         """
@@ -472,15 +462,14 @@ class ZenohBus:
         callback: Any = zenoh.handlers.Callback(on_sample, indirect=True)
         self._held.append(self._session.declare_subscriber(key, callback))
 
+    @override
     def mailbox(self, key: str | None = None) -> Mailbox:
-        """Return a mailbox; see `Bus`."""
         if key is None:
             return QueueMailbox()
         return ZenohMailbox(self._session, self._prefix, key, key.replace("$*", "").replace("*", WAKE_SEGMENT))
 
+    @override
     def answer(self, key: str, answerer: QueryHandler) -> None:
-        """Answer each question put to a key; see `Bus`."""
-
         def reply(query: zenoh.Query) -> None:
             with query:
                 question = query.payload.to_bytes() if query.payload else b""
@@ -489,32 +478,31 @@ class ZenohBus:
 
         self._held.append(self._session.declare_queryable(key, reply))
 
+    @override
     def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
-        """Put a question to a key; see `Bus`."""
-
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 handler(self._relative(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
-        # All replies of one to one question count, as each is another message.
+        # All replies of one member to a query count, as each is another message.
         every, each = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
         try:
             self._session.get(key, on_reply, payload=payload, target=every, consolidation=each)
         except zenoh.ZError:
-            # Nobody answers any more; who looks at a run from a thread of its own may ask as it is closed.
+            # A thread that inspects a run may send a query while the session is closed.
             if not self._session.is_closed():
                 raise
 
+    @override
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token; see `Bus`."""
         self._tokens[key] = self._session.liveliness().declare_token(key)
 
+    @override
     def withdraw_alive(self, key: str) -> None:
-        """Take back a liveliness token; see `Bus`."""
         self._tokens.pop(key).undeclare()
 
+    @override
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
-        """Call `handler(key, is_alive)` for each token; see `Bus`."""
         self._held.append(
             self._session.liveliness().declare_subscriber(
                 key,
@@ -531,21 +519,23 @@ class ZenohBus:
             )
         )
 
+    @override
     def close(self) -> None:
-        """End the session; see `Bus`. It can block for seconds on a bad link, so it is given a limit."""
+        """End the session. It can block for seconds on a bad link, so the wait is limited."""
         if self._session.is_closed():
             return
-        closing = threading.Thread(target=self._close_quietly, daemon=True)
+
+        def close_quietly() -> None:
+            with contextlib.suppress(zenoh.ZError):
+                self._session.close()
+
+        closing = threading.Thread(target=close_quietly, daemon=True)
         try:
             closing.start()
         except RuntimeError:
             # No memory for a thread: the session ends with the process.
             return
         closing.join(CLOSE_LIMIT_S)
-
-    def _close_quietly(self) -> None:
-        with contextlib.suppress(zenoh.ZError):
-            self._session.close()
 
     def _relative(self, key: object) -> str:
         return str(key).removeprefix(self._prefix)
@@ -557,10 +547,10 @@ def generate_password() -> str:
 
 
 def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.Config:
-    """Return what all sessions of a run have in common; without a namespace their keys are whole.
+    """Return the common configuration of all sessions of a run; without a namespace keys are absolute.
 
     Args:
-        lease_ms: How long the session may be silent before the other side gives it up; each side states its own.
+        lease_ms: Silence of the session after which the other side gives it up; each side states its own.
     """
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
     config = zenoh.Config()
@@ -584,15 +574,10 @@ def _insert_client(config: zenoh.Config, endpoint: str, user: str, password: str
     config.insert_json5("transport/auth/usrpwd/password", json.dumps(password))
 
 
-# Used on a link whose both ends have it: keys of messages come again and again.
+# Only on links between machines, where keys of messages repeat.
 def _enable_compression(config: zenoh.Config) -> None:
     config.insert_json5("transport/unicast/compression/enabled", "true")
 
 
 def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
     config.insert_json5(f"transport/link/tls/{key}", json.dumps(base64.b64encode(pem.encode()).decode()))
-
-
-def _describe_refusal(join: JoinData) -> str:
-    account = f"user {join.user!r} and its password"
-    return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"

@@ -1,4 +1,4 @@
-"""Argument parser with its commands, and arguments that several of them take: paths of runs, and scenarios."""
+"""Argument parser with its commands, and arguments shared by several of them: paths of runs, and scenarios."""
 
 import argparse
 import difflib
@@ -13,33 +13,38 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, load_registered
+from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, instance_of, load_registered
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
     from gslcosim.base.quantities import Vec3
+    from gslcosim.bus.interface import Certificate
     from gslcosim.scenario import LoadedScenario
     from gslcosim.scenario.loader import RandomPosition
     from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 
-# Its value may begin with a minus.
+# The value may begin with a minus.
 _SORT = "--sort"
-# Words that may stand for an argument, from the beginning of the word and the arguments before it.
+# Candidates for an argument, from the prefix of the word and the arguments before it.
 FindWords = Callable[[str, argparse.Namespace], Iterable[str]]
 Run = Callable[[argparse.Namespace], int]
+RUNS_DIR = "runs"
+RECORDING = "recording.rrd"
+DIGEST = "digest.json"
+MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """One command: its name, what it does, examples, its arguments, and the call that returns the exit code.
+    """One command: name, summary, examples, arguments, and the call that returns the exit code.
 
     Attributes:
-        old_name: What is still understood in place of its name and its family's, such as `sweep`.
-        is_computing: Whether it loads all that a run needs.
-        completes: Words that a shell offers for an argument, by its name in the help or by an option. What is not here
-            has those of `gslcosim.cli.completion_words`, or is a number or a text of the user.
+        old_name: Former name that is still accepted in place of the new name and its family's, such as `sweep`.
+        is_computing: The command loads everything that a run needs.
+        completes: Words that a shell offers for an argument, by its name in the help or by an option. Arguments that
+        are not here have those of `gslcosim.cli.completion_words`, or are numbers or free text.
     """
 
     name: str
@@ -58,7 +63,7 @@ class CommandFamily:
 
     Attributes:
         summary: Clause for the help; empty where the parts join the family of another package.
-        default: Name of the part that is meant where none is named; absent: one must be.
+        default: Name of the default part; without one, a part must be named.
     """
 
     name: str
@@ -79,10 +84,10 @@ class CommandGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandOptions:
-    """Options that an extension adds to a command of another package, registered by its words: `bench.run`.
+    """Options that an extension adds to a command of another package, registered by the command's words: `bench.run`.
 
     Attributes:
-        run: Called with the parsed words and with the call of the command, which it makes or replaces.
+        run: Called with the parsed words and with the command's call, which it makes or replaces.
         completes: As of a `Command`.
     """
 
@@ -92,11 +97,11 @@ class CommandOptions:
 
 
 def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
-    """Return groups of which no two have one title, and families of which no two have one name.
+    """Return groups with unique titles, in which families have unique names.
 
     Args:
-        groups: In the order of the help; commands of a title stand in this order too. Of two commands of one name the
-            first counts. A family has the summary and the first parts from the one that has a summary.
+        groups: In the order of the help; commands of a title keep this order too. Of two commands with one name the
+            first counts. A family takes its summary and its first parts from the one that has a summary.
     """
     merged: dict[str, dict[str, Command | CommandFamily]] = {}
     for group in groups:
@@ -111,29 +116,29 @@ def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are ours to write."""
+    """An argument parser that reports errors as `UsageError`."""
 
     def __init__(self, **options: Any) -> None:
-        """Take what an argument parser takes."""
+        """Accept the options of an argument parser."""
         super().__init__(**options)
-        # From Python 3.14 on help has escape sequences of its own, which our output would show as text.
+        # From Python 3.14 on help contains escape sequences, which our output would show as text.
         self.color = False
         self.completes: Mapping[str, Sequence[FindWords]] = {}
 
     def error(self, message: str) -> NoReturn:
-        """Raise what is wrong with the call."""
+        """Raise the error of a call."""
         raise UsageError(f"{self.prog}: {message}{'' if message[-1] in '.?' else '.'} See {self.prog} --help.")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = [str(choice) for choice in action.choices]
-            hint = _hint(str(value), {text: text for text in known})
+            hint = _format_hint(str(value), {text: text for text in known})
             raise argparse.ArgumentError(action, f"expected one of {', '.join(known)}, was '{value}'.{hint}")
 
-    # Python's own swallows what the machine refuses.
+    # Python's own method swallows errors of the stream.
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
-        tell = write if file is sys.stdout else write_note
-        tell(message.removesuffix("\n"))
+        write_line = write if file is sys.stdout else write_note
+        write_line(message.removesuffix("\n"))
 
 
 def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | None = None) -> Parser:
@@ -142,7 +147,7 @@ def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | No
         prog="gslcosim",
         usage="gslcosim [-h] [--version] COMMAND ...",
         description="Co-simulation for gas source localization: wind, gas, robots and agents in any language.",
-        epilog=f"{_listing(groups)}\n"
+        epilog=f"{_format_listing(groups)}\n"
         + _examples("  gslcosim up warehouse_empty\n  gslcosim view\n  gslcosim doctor")
         + "\nexit codes:\n  0 success   1 the agent failed   2 wrong call or scenario   3 simulation fault"
         "\n  4 timeout   5 runs differ   130 interrupted",
@@ -150,7 +155,7 @@ def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | No
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"gslcosim {version}", help="print the version and exit")
-    # The epilog lists them, in groups.
+    # The epilog lists the commands, in groups.
     choices = parser.add_subparsers(
         dest="command", metavar="COMMAND", prog="gslcosim", parser_class=Parser, help=argparse.SUPPRESS
     )
@@ -192,15 +197,11 @@ def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespa
 
 def load_options(path: str) -> list[CommandOptions]:
     """Return the options that installed extensions add to a command."""
-
-    def accept(offered: object) -> CommandOptions | None:
-        return offered if isinstance(offered, CommandOptions) else None
-
-    return list(load_registered(OPTIONS_GROUP, accept, "a CommandOptions", name=path))
+    return list(load_registered(OPTIONS_GROUP, instance_of(CommandOptions), "a CommandOptions", name=path))
 
 
-def _listing(groups: Sequence[CommandGroup]) -> str:
-    # As argparse does; its help of a command begins in column 24.
+def _format_listing(groups: Sequence[CommandGroup]) -> str:
+    # As in argparse, where the help of a command begins in column 24.
     width = max(shutil.get_terminal_size().columns - 2, 40)
     lines = ["commands:"]
     for group in (each for each in groups if each.commands):
@@ -212,7 +213,7 @@ def _listing(groups: Sequence[CommandGroup]) -> str:
 
 
 def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[str, ...], Command]]":
-    """Yield all commands, those of families too, each with the words that call it."""
+    """Yield all commands, including those of families, each with the words that call it."""
     for each in (command for group in groups for command in group.commands):
         if isinstance(each, CommandFamily):
             yield from (((each.name, part.name), part) for part in each.parts)
@@ -221,7 +222,7 @@ def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[st
 
 
 def find_command_name(groups: Iterable[CommandGroup], words: Sequence[str]) -> str:
-    """Return the name of the command or family that a command line calls, by its old name too; else an empty text."""
+    """Return the name of the command or family that a command line calls, also by an old name; else an empty text."""
     groups = tuple(groups)
     if words[:1] and any(words[0] == command.name for group in groups for command in group.commands):
         return words[0]
@@ -242,22 +243,24 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     elif first is not None and first not in names and words[0] == first:
         _check_installed(words[:2])
         _check_installed(words[:1])
-        hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
+        hint = _format_hint(
+            first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}}
+        )
         raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
     elif tuple(words[:2]) not in dict(iterate_commands(groups)):
         _check_installed(words[:2])
     words = _with_default_part(parser, groups, words)
-    arguments, unknown = parser.parse_known_args(_joined(words))
+    arguments, unknown = parser.parse_known_args(_join_negative_values(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
     return arguments
 
 
-# One sentence for words that an extension has which is not installed.
+# Report words of an extension that is not installed in one sentence.
 def _check_installed(words: Sequence[str]) -> None:
-    asked = " ".join(words)
-    if remedy := find_remedy("commands", asked):
-        raise UsageError(f"gslcosim {asked}: expected a command that is installed. {remedy}")
+    called = " ".join(words)
+    if remedy := find_remedy("commands", called):
+        raise UsageError(f"gslcosim {called}: expected a command that is installed. {remedy}")
 
 
 def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> Sequence[str]:
@@ -271,8 +274,8 @@ def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Se
     return words
 
 
-# The parser takes a value that begins with a minus for an option.
-def _joined(words: Sequence[str]) -> list[str]:
+# The parser would read a value that begins with a minus as an option.
+def _join_negative_values(words: Sequence[str]) -> list[str]:
     joined: list[str] = []
     for word in words:
         if joined and joined[-1] == _SORT and word.startswith("-") and not word.startswith("--"):
@@ -290,7 +293,7 @@ def parse_whole_number(text: str) -> int:
 
 
 def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    """Return what reads a finite number from the command line."""
+    """Return a parser of finite numbers on the command line."""
 
     def parse_number(text: str) -> float:
         try:
@@ -322,11 +325,11 @@ def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> 
     if remedy := find_remedy("commands", f"{command} {name}"):
         return f"{chosen.prog} {name}: expected an option that is installed. {remedy}"
     known = sorted({text for action in chosen._actions for text in action.option_strings if text[:2] == "--"})
-    hint = _hint(name, {text: text for text in known})
+    hint = _format_hint(name, {text: text for text in known})
     return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{hint}"
 
 
-# The innermost command that the words name, such as `bench run`.
+# The innermost command named by the words, such as `bench run`.
 def _parser_of(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.ArgumentParser:
     for word in words:
         if word in (below := command_parsers(parser)):
@@ -340,20 +343,14 @@ def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.Argum
     return dict(actions[0].choices) if actions else {}
 
 
-# From what may be written to what is to be written for it.
-def _hint(word: str, known: Mapping[str, str]) -> str:
+# `known` maps accepted words to the suggestion for each.
+def _format_hint(word: str, known: Mapping[str, str]) -> str:
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f" Did you mean {known[matches[0]]}?" if matches else ""
 
 
 def _examples(text: str) -> str:
     return f"examples:\n{text}\n"
-
-
-RUNS_DIR = "runs"
-RECORDING = "recording.rrd"
-DIGEST = "digest.json"
-MANIFEST = "manifest.json"
 
 
 def add_runs_dir_option(parser: argparse.ArgumentParser) -> None:
@@ -373,11 +370,11 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
         file_name: The file's name within a run.
     """
     if run is None:
-        return _newest(runs_dir, file_name)
+        return _find_newest(runs_dir, file_name)
     path = Path(run)
     if path.is_file():
         return path
-    folders = [path] if path.is_dir() else _that_begin_with(run, runs_dir)
+    folders = [path] if path.is_dir() else _find_by_prefix(run, runs_dir)
     if len(folders) != 1:
         found = f"{len(folders)} that fit: {', '.join(p.name for p in folders[:5])}" if folders else "none"
         raise UsageError(f"{run}: expected a run's folder or the id of one run in {runs_dir}, found {found}.")
@@ -387,13 +384,13 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
     return file
 
 
-def _that_begin_with(run_id: str, runs_dir: Path) -> list[Path]:
+def _find_by_prefix(run_id: str, runs_dir: Path) -> list[Path]:
     if not runs_dir.is_dir():
         return []
     return sorted(path for path in runs_dir.iterdir() if path.is_dir() and path.name.startswith(run_id))
 
 
-def _newest(runs_dir: Path, file_name: str) -> Path:
+def _find_newest(runs_dir: Path, file_name: str) -> Path:
     files = sorted(runs_dir.glob(f"*/{file_name}"), key=lambda path: path.stat().st_mtime_ns)
     if not files:
         raise UsageError(
@@ -423,7 +420,7 @@ def add_override_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_pace_option(parser: argparse.ArgumentParser, default: str = "as fast as it goes") -> None:
-    """Add the option that lets simulated time follow the clock."""
+    """Add the option that ties simulated time to the clock."""
     parser.add_argument(
         "--pace",
         metavar="FACTOR",
@@ -436,16 +433,17 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
 
     Args:
         arguments: As parsed.
-        prepares_run: Whether the caller prepares a run, which then finds problems of the files that it reads.
+        prepares_run: The caller prepares a run, which reports problems of the files that it reads.
     """
     from gslcosim.scenario import load_scenario
     from gslcosim.scenario.checks.registry import list_scenario_checks
 
-    # Where services are started elsewhere, pictures are drawn there too.
+    # Where services start elsewhere, pictures are drawn there too.
     named = {name.strip() for words in getattr(arguments, "elsewhere", ()) for name in words.split(",")}
+    pace = getattr(arguments, "pace", None)
     return load_scenario(
         arguments.scenario,
-        overrides=[*arguments.set, *_pace_override(arguments)],
+        overrides=[*arguments.set, *([] if pace is None else [f"pace={pace}"])],
         seed=arguments.seed,
         checks=list_scenario_checks(
             without=("drawing",) if named & {"all", "cameras"} else (),
@@ -456,7 +454,7 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
     )
 
 
-# What draws needs a compiler; most scenarios name their places.
+# Drawing needs a compiler; most scenarios give fixed positions.
 def _draw_places(
     spec: "EnvironmentSpec", wind: "SolverSpec", scenario_dir: Path, seed: int, wanted: "Sequence[RandomPosition]"
 ) -> "Mapping[str, Vec3]":
@@ -465,6 +463,16 @@ def _draw_places(
     return draw_positions(spec, wind, scenario_dir, seed, wanted)
 
 
-def _pace_override(arguments: argparse.Namespace) -> list[str]:
-    pace = getattr(arguments, "pace", None)
-    return [] if pace is None else [f"pace={pace}"]
+def read_certificate(arguments: argparse.Namespace) -> "Certificate | None":
+    """Return the certificate of `--tls-certificate` and `--tls-key`, or None without both."""
+    from gslcosim.bus.interface import Certificate
+
+    given = [path for path in (arguments.tls_certificate, arguments.tls_key) if path is not None]
+    if len(given) == 1:
+        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
+    authorities = {name: getattr(arguments, f"tls_{name}", None) for name in ("ca", "client_ca")}
+    if given:
+        return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key, **authorities)
+    if any(path is not None for path in authorities.values()):
+        raise UsageError("expected --tls-certificate and --tls-key with --tls-ca or --tls-client-ca, found none.")
+    return None

@@ -1,4 +1,4 @@
-"""Words that a shell offers for arguments, by the names that arguments of all commands have in common."""
+"""Words that a shell offers for arguments, by the argument names that all commands share."""
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -9,17 +9,17 @@ from gslcosim.cli.arguments import RUNS_DIR, FindWords
 
 
 def find_named(find: Callable[[], Iterable[str]]) -> FindWords:
-    """Return what offers words that do not depend on the command line."""
+    """Return a source of words that do not depend on the command line."""
     return lambda _prefix, _arguments: find()
 
 
 def find_separated(find: Callable[[], Iterable[str]]) -> FindWords:
-    """Return what offers words for a list that is separated by commas."""
+    """Return a source of words for a list that is separated by commas."""
     return lambda prefix, _arguments: [f"{prefix[: prefix.rfind(',') + 1]}{word}" for word in find()]
 
 
 def find_files(*endings: str) -> FindWords:
-    """Return what offers files of the given endings, or all files."""
+    """Return a source of files of the given endings, or of all files."""
 
     def find(prefix: str, _: argparse.Namespace) -> Iterable[str]:
         from argcomplete.completers import FilesCompleter
@@ -36,7 +36,7 @@ def find_folders(prefix: str, _: argparse.Namespace) -> Iterable[str]:
     return _without_hidden(DirectoriesCompleter()(prefix), prefix)
 
 
-# As shells do: names that begin with a dot are asked for by a dot.
+# As in shells: hidden names are offered only after a dot.
 def _without_hidden(paths: Iterable[str], prefix: str) -> Iterable[str]:
     start = prefix.rfind("/") + 1
     return [path for path in paths if path[start : start + 1] != "." or prefix[start:]]
@@ -55,7 +55,7 @@ def _list_services() -> Iterator[str]:
         yield from EntryPoints(group=group, what="service").names()
 
 
-# It takes half a second, for the models of scenarios.
+# Slow, half a second: it imports the models of scenarios.
 def _list_layouts() -> Iterable[str]:
     from gslcosim.cli.commands.list_ import KINDS
 
@@ -64,7 +64,7 @@ def _list_layouts() -> Iterable[str]:
 
 SCENARIOS, SUITES, AGENTS = find_named(bundled_scenarios), find_named(bundled_suites), find_named(bundled_agents)
 YAML_FILES = find_files("yaml", "yml")
-# By the name of an argument in its help, or by an option. A command has others of its own in `Command.completes`.
+# By the name of an argument in its help, or by an option. `Command.completes` holds those of one command.
 COMPLETIONS: Mapping[str, Sequence[FindWords]] = {
     "SCENARIO": [SCENARIOS, YAML_FILES],
     "SCENARIO_OR_LAYOUT": [SCENARIOS, find_named(_list_layouts), YAML_FILES],

@@ -1,4 +1,4 @@
-"""Checks of `gslcosim doctor`: what a machine needs, one thing at a time."""
+"""Checks of `gslcosim doctor`: the requirements of a run on this machine, one by one."""
 
 import importlib.metadata
 import json
@@ -33,7 +33,7 @@ MIN_PYTHON = (3, 11)
 MIN_MEMORY_GB, GOOD_MEMORY_GB = 0.5, 2.0
 MIN_DISK_GB, GOOD_DISK_GB = 0.2, 2.0
 PROBE_LIMIT_S = 30.0
-# All that computes has compiled code, and is imported by the name of its package.
+# The computing packages have compiled code, and are imported by the name of the distribution.
 COMPILED_MODULES = (*COMPUTING_PACKAGES, "zenoh", "rerun")
 ROUND_TRIPS = 50
 ROUND_TRIP_LIMIT_S = 5.0
@@ -41,7 +41,7 @@ ROUND_TRIP_LIMIT_S = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """One thing that was checked: `WARN` limits what can be done, `FAIL` prevents a run."""
+    """Finding of one check: `WARN` limits the possibilities, `FAIL` prevents a run."""
 
     name: str
     level: Level
@@ -50,7 +50,7 @@ class CheckResult:
 
 
 def run_checks() -> Iterator[CheckResult]:
-    """Check everything, one after the other; a check that fails itself is a finding too."""
+    """Run all checks one after the other; a check that itself fails is a finding too."""
     for name, check in CHECKS.items():
         try:
             yield from check()
@@ -68,7 +68,7 @@ def check_python() -> Iterator[CheckResult]:
 
 
 def check_packages(requirements: list[str] | None = None) -> Iterator[CheckResult]:
-    """Check that each package gslcosim requires is there in a version that fits.
+    """Check that each required package is installed in a compatible version.
 
     Args:
         requirements: Texts like `numpy>=2.0`; by default those of the installed gslcosim.
@@ -76,7 +76,7 @@ def check_packages(requirements: list[str] | None = None) -> Iterator[CheckResul
     if requirements is None:
         requirements = importlib.metadata.requires("gslcosim") or []
     for requirement in map(Requirement, requirements):
-        # What an extra alone needs.
+        # Required by an extra only.
         if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
             continue
         name, bounds = requirement.name, requirement.specifier
@@ -100,7 +100,7 @@ def check_extensions() -> Iterator[CheckResult]:
 
 
 def check_imports() -> Iterator[CheckResult]:
-    """Check that the packages with compiled code can be loaded, in a process of its own."""
+    """Check that the packages with compiled code can be loaded, in a separate process."""
     call = build_python_command("-c", f"import {', '.join(COMPILED_MODULES)}")
     loading = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     lines = loading.stderr.strip().splitlines()
@@ -110,19 +110,19 @@ def check_imports() -> Iterator[CheckResult]:
 
 
 def version_fits(version: str, bounds: SpecifierSet) -> bool:
-    """Return whether a version lies within bounds; one that comes before a release counts as that release."""
+    """Return whether a version lies within bounds; a pre-release counts as its release."""
     return Version(version).base_version in bounds
 
 
 def check_cores() -> Iterator[CheckResult]:
-    """Check how many CPU cores this process may use."""
+    """Check the number of CPU cores that this process may use."""
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     remedy = "A run is six processes; with one core `gslcosim up --in-process` is faster."
     yield _graded("CPU cores", "OK" if n_cores > 1 else "WARN", f"{n_cores}", remedy)
 
 
 def check_memory() -> Iterator[CheckResult]:
-    """Check how much memory is free."""
+    """Check the free memory."""
     free_gb = free_memory_gb()
     level = _level(free_gb, MIN_MEMORY_GB, GOOD_MEMORY_GB)
     yield _graded(
@@ -131,7 +131,7 @@ def check_memory() -> Iterator[CheckResult]:
 
 
 def check_cache() -> Iterator[CheckResult]:
-    """Check that the cache can be written and that its disk has room."""
+    """Check that the cache is writable and that its disk has room."""
     from gslcosim.base.kernel_cache import get_cache_root
 
     root = get_cache_root()
@@ -149,7 +149,7 @@ def check_cache() -> Iterator[CheckResult]:
 
 
 def check_zenoh() -> Iterator[CheckResult]:
-    """Check a question and its answer through a real router and a second session, as a run does it."""
+    """Check a query and its answer through a real router and a second session, as in a run."""
     try:
         median_s = zenoh_round_trip_s()
     except Exception as error:
@@ -160,7 +160,7 @@ def check_zenoh() -> Iterator[CheckResult]:
 
 
 def check_rendering() -> Iterator[CheckResult]:
-    """Check whether pictures can be drawn without a display."""
+    """Check that pictures can be drawn without a display."""
     call = build_python_command("-m", "gslcosim.cli.rendering_probe")
     try:
         probe = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=True)
@@ -176,7 +176,7 @@ def check_rendering() -> Iterator[CheckResult]:
 
 
 def check_sandbox() -> Iterator[CheckResult]:
-    """Check which sandbox is the strongest for agents here."""
+    """Check the strongest sandbox for agents on this machine."""
     from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox, list_open_gaps, unavailable_reason
 
     kind = find_strongest_sandbox()
@@ -214,7 +214,7 @@ def free_memory_gb() -> float:
 
 
 def zenoh_round_trip_s() -> float:
-    """Return the median time [s] from a question to its answer through a router on a private socket."""
+    """Return the median time [s] from a query to its answer through a router on a private socket."""
     from gslcosim.base.files import ScratchFolder
     from gslcosim.bus.interface import JoinData
     from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, ZenohBus, generate_password

@@ -1,4 +1,4 @@
-"""`gslcosim`: the entry point. Heavy packages are imported only by the command that needs them."""
+"""`gslcosim`: the entry point. Heavy packages are imported only by the commands that need them."""
 
 import argparse
 import contextlib
@@ -56,7 +56,7 @@ from gslcosim.cli.terminal import (
     write_note,
 )
 
-# New objects between two collections; Python's own number is 700.
+# New objects between two collections; Python's default is 700.
 _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
@@ -68,7 +68,7 @@ RUNS = CommandFamily(
     parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP),
     default="list",
 )
-# The titles of the help stand in this order; extensions add commands below them, and titles of their own.
+# Titles of the help, in this order; extensions add commands below them, and titles of their own.
 CORE_GROUPS = (
     CommandGroup(
         title="run",
@@ -83,7 +83,7 @@ CORE_GROUPS = (
 
 
 def list_groups() -> tuple[CommandGroup, ...]:
-    """Return the commands of the core with those that installed extensions register, by the groups of the help."""
+    """Return the commands of the core and of installed extensions, by the groups of the help."""
     registered = load_registered(COMMANDS_GROUP, tuple_of(CommandGroup), "a tuple of CommandGroup")
     found = [*CORE_GROUPS, *(group for groups in registered for group in groups)]
     commands: dict[str, Command] = {}
@@ -97,15 +97,9 @@ def list_groups() -> tuple[CommandGroup, ...]:
     return merge_groups(found)
 
 
-# A command of the core needs no package of another.
-def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
-    own = (command for group in CORE_GROUPS for command in group.commands if isinstance(command, Command))
-    return CORE_GROUPS if words and words[0] in {command.name for command in own} else list_groups()
-
-
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
+    # Imported objects stay: collecting garbage among them again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()
     if words is None:
@@ -115,7 +109,7 @@ def main(words: Sequence[str] | None = None) -> int:
         escape_library_messages()
     exit_code = run_command(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
-        # Libraries wait at the interpreter's end for threads that a machine without memory has not let them start.
+        # Libraries wait at the interpreter's end for threads that could not start on a machine without memory.
         with contextlib.suppress(OSError):
             sys.stderr.flush()
         os._exit(exit_code)
@@ -123,11 +117,11 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
-    """Run one command, report what goes wrong, and return the exit code.
+    """Run one command, report its errors, and return the exit code.
 
     Args:
         words: The command line without the program's name.
-        call: What is called with the parsed words; by default what the command is there for.
+        call: Called with the parsed words; by default the command's own call.
     """
     try:
         exit_code = _exit_code_of(words, call)
@@ -144,7 +138,9 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
     try:
-        groups = _list_groups_for(words)
+        # Commands of the core need no other package.
+        own = {each.name for group in CORE_GROUPS for each in group.commands if isinstance(each, Command)}
+        groups = CORE_GROUPS if words and words[0] in own else list_groups()
         parser = build_parser(groups, version=__version__, only=find_command_name(groups, words))
         if not words:
             parser.print_help(sys.stderr)
@@ -170,7 +166,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         return error.exit_code
     except Exception as error:
         if is_asked_to_end():
-            # A library has made another error of it.
+            # A library has turned the interrupt into another error.
             write_note("Interrupted.")
             return ExitCode.INTERRUPTED
         refused = translate(error)
@@ -181,7 +177,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         return ExitCode.FAULT
 
 
-# The package of another project whose code raised it, if not gslcosim's.
+# The package of another project that raised the error, if not gslcosim.
 def _name_culprit(error: Exception) -> str:
     makers = {point.value.partition(":")[0].partition(".")[0]: point.distribution for point in list_registrations()}
     modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]

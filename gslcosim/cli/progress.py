@@ -1,4 +1,4 @@
-"""Progress on standard error, as a live line on a terminal or lines in a pipe; pages that are drawn again and again."""
+"""Progress on standard error, as a live line on a terminal or as lines in a pipe; pages that are redrawn."""
 
 import contextlib
 import sys
@@ -16,32 +16,32 @@ if TYPE_CHECKING:
 _REFRESH_HZ = 10
 _BAR_WIDTH = 24
 _TEXT_COLUMN = 2
-# Lines in a pipe come at most so often [s]; those of long work less often, as a share of its time up to a limit.
+# Minimum interval of lines in a pipe [s]; for long work a fraction of its elapsed time, up to a limit.
 _PLAIN_EVERY_S = 10.0
 _PLAIN_SHARE, _PLAIN_AT_MOST_S = 0.05, 300.0
 
 
-# An estimate from less than this is no estimate [s].
+# Elapsed time before the first estimate [s].
 _ESTIMATE_AFTER_S = 5.0
 
 
 class RemainingTime:
-    """Estimate of how long a piece of work still takes, from the share that is done and the time it took."""
+    """Estimate of the remaining time of a piece of work, from the fraction done and the elapsed time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Take the clock [s]."""
+        """Use this clock [s]."""
         self._clock = clock
         self._piece = ""
         self._began_s = 0.0
         self._began_share = 0.0
 
     def describe(self, piece: str, fraction: float | None) -> str:
-        """Return the share done and the time left, such as `20 %, about 3 min left`; as `estimate`."""
+        """Return the percentage done and the time left, such as `20 %, about 3 min left`; empty without an estimate."""
         left = self.estimate(piece, fraction)
         return f"{100 * (fraction or 0.0):.0f} %, {left}" if left else ""
 
     def estimate(self, piece: str, fraction: float | None) -> str:
-        """Return the time left, such as `about 3 min left`; empty where nobody knows."""
+        """Return the time left, such as `about 3 min left`; empty without an estimate."""
         now_s, share = self._clock(), fraction or 0.0
         if piece != self._piece or share < self._began_share:
             self._piece, self._began_s, self._began_share = piece, now_s, share
@@ -55,13 +55,13 @@ class RemainingTime:
 
 
 class ProgressLine:
-    """Progress of long work: drawn again and again on a terminal, written now and then in a pipe.
+    """Progress of long work: redrawn on a terminal, written now and then in a pipe.
 
-    A context manager. On a terminal it leaves nothing behind, and an update costs no more than an assignment.
+    A context manager. On a terminal it leaves no trace, and an update costs no more than an assignment.
     """
 
     def __init__(self, title: str = "", *, is_quiet: bool) -> None:
-        """Take what stands at the beginning of the line, and whether to show nothing."""
+        """Set the beginning of the line; `is_quiet` shows nothing."""
         self._title = title
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
@@ -86,14 +86,14 @@ class ProgressLine:
         plain: str = "",
         is_last: bool = False,
     ) -> None:
-        """Show how far the work is.
+        """Show the progress of the work.
 
         Args:
-            text: It in words, or what returns them when they are drawn.
-            fraction: How much is done, for a bar on a terminal; None where nobody knows.
+            text: Description of the progress, or a function that returns it when it is drawn.
+            fraction: Fraction done, for a bar on a terminal; None if unknown.
             phase: A part of the work; lines of each come in a pipe some seconds apart.
-            plain: The words for a pipe; the same where it is empty.
-            is_last: Whether a pipe gets it, whenever the last line came.
+            plain: The description for a pipe; empty: `text`.
+            is_last: Written to a pipe regardless of the interval.
         """
         if self._is_quiet:
             return
@@ -111,7 +111,7 @@ class ProgressLine:
             write_note(f"{title}: {words}" if title else words)
 
     def count(self, done: int, total: int, *, phase: str = "") -> None:
-        """Show how many are done, of how many (0: nobody knows)."""
+        """Show the number done and the total (0: unknown)."""
         text = f"{done} of {total}" if total else f"{done} trials"
         self.show(text, fraction=done / total if total else None, phase=phase)
 
@@ -121,7 +121,7 @@ class ProgressLine:
             write_note(text)
 
     def end(self) -> None:
-        """Leave nothing of the line, and begin anew with what is shown next."""
+        """Remove the line; the next text starts a new one."""
         self._written_at_s.clear()
         self._begun_at_s.clear()
         if self._live is not None:
@@ -145,7 +145,7 @@ class ProgressLine:
         line.add_row(*cells)
         return line
 
-    # What others write meanwhile stands above the line.
+    # Output of other code meanwhile appears above the line.
     def _draw(self) -> None:
         if self._live is None:
             from rich.live import Live
@@ -159,9 +159,9 @@ class ProgressLine:
 
 @contextlib.contextmanager
 def draw_pages() -> "Iterator[Callable[..., None]]":
-    """Yield what draws parts of a page, one below the other, on stdout, a terminal, in place of the last page.
+    """Yield a function that draws parts of a page, one below the other, on a terminal in place of the last page.
 
-    The last one stays.
+    The last page stays.
     """
     from rich.console import Group
     from rich.live import Live

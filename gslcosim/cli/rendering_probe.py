@@ -1,7 +1,7 @@
-"""Probe of this machine's graphics drivers, run as a process of its own, as drivers may crash.
+"""Probe of this machine's graphics drivers, run as a separate process, as drivers may crash.
 
-`python -m gslcosim.cli.rendering_probe` prints JSON: for `vulkan` and `egl` whether it is there, and as `text` the
-devices or the version, or why it is not.
+`python -m gslcosim.cli.rendering_probe` prints JSON: availability of `vulkan` and `egl`, and as `text` the devices, the
+version or the reason of a failure.
 """
 
 import ctypes
@@ -10,7 +10,7 @@ import json
 import sys
 
 _VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO = 1
-# VkPhysicalDeviceProperties begins with five 32-bit numbers; then comes the device's name. The rest is below 2 kB.
+# VkPhysicalDeviceProperties begins with five 32-bit numbers, followed by the device's name. The rest is below 2 kB.
 _VK_NAME_OFFSET = 20
 _VK_PROPERTIES_BYTES = 2048
 _EGL_PLATFORM_SURFACELESS_MESA = 0x31DD
@@ -52,7 +52,7 @@ def vulkan_devices() -> list[str]:
 
 
 def egl_version() -> str:
-    """Return the version of EGL after initialising it without a display."""
+    """Return the version of EGL, initialised without a display."""
     egl = ctypes.CDLL(_library("EGL", "libEGL.so.1"))
     egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
     display = ctypes.c_void_p(egl.eglGetPlatformDisplay(_EGL_PLATFORM_SURFACELESS_MESA, None, None))
@@ -68,7 +68,7 @@ def _library(name: str, usual: str) -> str:
 
 
 def main() -> None:
-    """Print what was found as JSON."""
+    """Print the results as JSON."""
     found: dict[str, object] = {}
     for name, probe in (("vulkan", vulkan_devices), ("egl", egl_version)):
         try:

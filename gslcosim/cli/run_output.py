@@ -31,18 +31,20 @@ _ENDINGS = {
 _AGENT_HEADINGS = (
     "agent", "method", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox",
 )  # fmt: skip
+# Interval of lines in a pipe with the time left of one piece of work [s].
+_REMINDER_EVERY_S = 30.0
 
 
 @contextlib.contextmanager
 def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
-    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing."""
+    """Yield the report function of a run: a live line on a terminal, a few plain lines in a pipe, or nothing."""
     if is_quiet:
         yield lambda _: None
     elif sys.stderr.isatty():
         with ProgressLine(title, is_quiet=False) as line:
             remaining = RemainingTime()
 
-            # The share that is done has a bar of its own.
+            # The fraction done has a bar of its own.
             def draw(status: "RunStatus") -> str:
                 left = remaining.estimate(status.text, status.fraction)
                 return ", ".join(filter(None, (format_status(status), left)))
@@ -52,18 +54,14 @@ def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
         yield PlainLines(title)
 
 
-# How often a pipe gets the time that is left of one piece of work [s].
-_REMINDER_EVERY_S = 30.0
-
-
 class PlainLines:
-    """One line for each piece of preparation, each state of the run, and what takes too long: for logs and pipes.
+    """One line for each piece of preparation, each state of the run, and each delay: for logs and pipes.
 
-    A piece of preparation that takes long has a line now and then with the time that is left.
+    A long piece of preparation has a further line now and then with the time left.
     """
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
-        """Take what begins each line, and the clock [s]."""
+        """Set the beginning of each line, and the clock [s]."""
         self._title = title
         self._last = ""
         self._clock = clock
@@ -71,10 +69,10 @@ class PlainLines:
         self._remaining = RemainingTime(clock)
 
     def __call__(self, status: "RunStatus") -> None:
-        """Write the status when it is a new one."""
-        is_told = status.state == "preparing" or (status.state == "flying" and status.text)
+        """Write the status if it has changed."""
+        has_own_line = status.state == "preparing" or (status.state == "flying" and status.text)
         other = f"{status.state} {status.is_late} {status.is_compiling}"
-        piece = (status.text or format_status(status)) if is_told else other
+        piece = (status.text or format_status(status)) if has_own_line else other
         left = self._remaining.describe(piece, status.fraction) if status.state == "preparing" else ""
         is_due = bool(left) and self._clock() - self._written_at_s >= _REMINDER_EVERY_S
         if piece == self._last and not is_due:
@@ -94,7 +92,7 @@ def format_status(status: "RunStatus") -> str:
 
 
 def format_summary(flight: "RunResult") -> str:
-    """Return the end of a run for a person: what happened, each agent's figures, and where everything is."""
+    """Return the end of a run for a person: reason, figures of the agents, and paths."""
     result = flight.result
     reason = str(result.get("end_reason", ""))
     lines = [f"{_ENDINGS.get(reason, reason)} after {result.get('sim_time_s', 0.0):.1f} s of simulated time.", ""]
@@ -109,8 +107,14 @@ def format_summary(flight: "RunResult") -> str:
     return "\n".join([*lines, *_paths(flight.run_dir, result)])
 
 
+def note_faults(flight: "RunResult") -> None:
+    """Write the faults of a run that is not valid to stderr."""
+    for fault in () if flight.result.get("valid") else flight.result.get("faults", ()):
+        write_note(f"{fault['participant']}: {fault['text']}")
+
+
 def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:
-    """Return one row an agent with the figures that matter, and what its process was confined by."""
+    """Return a table with one row per agent: its main figures, and the sandbox of its process."""
     rows = [
         (
             str(agent["name"]),

@@ -7,13 +7,13 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.cli.arguments import DIGEST
 from gslcosim.environment.store import load_environment
-from gslcosim.recordings.derived_recordings import Divergence, RecordedRun, record_side_by_side
+from gslcosim.recordings.derived_recordings import Divergence, RecordedRun, record_from_tick, record_side_by_side
 from gslcosim.runtime.replay.compare import RunComparison
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 
 
 def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:
-    """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas."""
+    """Write one recording of several runs, aligned by simulated time or by first contact with gas."""
     pasts = [PastRun.load(recording.parent) for recording in recordings]
     first = pasts[0]
     for past in pasts[1:]:
@@ -24,24 +24,22 @@ def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool =
                 f"{past.environment_hash} with {past.scenario.tick_ms} ms. Look at each by itself."
             )
     runs = [
-        RecordedRun(recording=recording, scenario=past.scenario, text=_how_it_went(past))
+        RecordedRun(recording=recording, scenario=past.scenario, text=_describe_outcome(past))
         for recording, past in zip(recordings, pasts, strict=True)
     ]
     environment = load_environment(find_environment(first, lambda _: None), with_meshes=True)
-    record_side_by_side(runs, environment, path, divergence=_parting(pasts), is_by_contact=is_by_contact)
+    record_side_by_side(runs, environment, path, divergence=_find_first_divergence(pasts), is_by_contact=is_by_contact)
 
 
 def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -> None:
     """Write a copy of a run's recording that opens at a simulated time [s]."""
-    from gslcosim.recordings.derived_recordings import record_from_tick
-
     past = PastRun.load(recording.parent, needs_result=False)
     environment = load_environment(find_environment(past, lambda _: None))
     tick = ticks_from_seconds(at_s, past.scenario.tick_ns)
     record_from_tick(recording, past.scenario, environment, path, tick=tick, is_still=is_still)
 
 
-def _how_it_went(past: PastRun) -> str:
+def _describe_outcome(past: PastRun) -> str:
     result = past.run_dir.load_result()
     reason = result["end_reason"].replace("_", " ")
     agents = "".join(
@@ -52,8 +50,8 @@ def _how_it_went(past: PastRun) -> str:
     return f"{reason} after {result.get('sim_time_s', 0.0):g} s{agents} ({past.run_dir.run_id})"
 
 
-# The first tick at which any of the others leaves the first.
-def _parting(pasts: Sequence[PastRun]) -> Divergence | None:
+# The first tick at which one of the other runs differs from the first run.
+def _find_first_divergence(pasts: Sequence[PastRun]) -> Divergence | None:
     folders = [past.run_dir.path for past in pasts]
     if not all((folder / DIGEST).is_file() for folder in folders):
         return None

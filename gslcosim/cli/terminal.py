@@ -1,7 +1,7 @@
 """Writing to the terminal: results to stdout, everything else to stderr.
 
-Whatever a command prints goes through here, and what is in it from strangers (errors of agents, names in files, logs)
-can neither move the cursor nor set a title: `escape_terminal_text`.
+All output of commands goes through here. Foreign text in it (errors of agents, names in files, logs) can neither move
+the cursor nor set a title: `escape_terminal_text`.
 """
 
 import contextlib
@@ -31,13 +31,13 @@ def _write_result(text: str) -> None:
 
 
 def finish_output() -> None:
-    """Write what waits in stdout's buffer."""
+    """Write out stdout's buffer."""
     with _reporting_refusals():
         sys.stdout.flush()
 
 
 def give_up_output() -> None:
-    """Let what waits in stdout's buffer go nowhere: Python would complain once more when it flushes at exit."""
+    """Discard stdout's buffer: Python would report the error once more when it flushes at exit."""
     _give_up(sys.stdout)
 
 
@@ -49,11 +49,11 @@ def _give_up(stream: TextIO) -> None:
 
 
 def open_missing_streams() -> None:
-    """Stand in for standard streams that the caller has closed, so that no other file gets their numbers.
+    """Replace standard streams that the caller has closed, so that no other file gets their numbers.
 
-    What is written to such a stdout is refused by the machine; what is written to such a stderr is lost.
+    Writing to such a stdout raises an error of the machine; text written to such a stderr is lost.
     """
-    # Python's name for a stream that is closed; a new file gets the lowest number that is free.
+    # Python's value for a closed stream; a new file gets the lowest free number.
     missing: Any = None
     if sys.stdin is missing:
         os.open(os.devnull, os.O_RDONLY)
@@ -63,7 +63,7 @@ def open_missing_streams() -> None:
         sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", closefd=False)
 
 
-# A reader that is gone wants nothing more.
+# The reader of a broken pipe needs no error.
 @contextlib.contextmanager
 def _reporting_refusals() -> Iterator[None]:
     try:
@@ -81,12 +81,12 @@ def write_json(content: Any) -> None:
 
 
 def write_note(text: str) -> None:
-    """Write a line that is not part of the result to stderr; where that is full or gone, nobody needs it."""
+    """Write a line to stderr that is not part of the result; an error of stderr is ignored."""
     _write_to_stderr(f"{escape_terminal_text(text)}\n")
 
 
 def write_prompt(text: str) -> None:
-    """Write to stderr what a person answers on the same line."""
+    """Write a prompt to stderr; the answer follows on the same line."""
     _write_to_stderr(escape_terminal_text(text))
 
 
@@ -99,13 +99,13 @@ def _write_to_stderr(text: str) -> None:
 
 
 class _GuardedStream:
-    # A stream for Rich, for which the machine's refusals mean what they mean for all that is written.
+    # A stream for Rich that handles the machine's errors as for all other output.
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._is_result = stream is sys.stdout
 
-    # Whether it is a terminal, its encoding and so on.
+    # Such as `isatty` and `encoding`.
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
@@ -126,22 +126,22 @@ class _GuardedStream:
 
 
 def open_console(stream: TextIO) -> "Console":
-    """Return what draws lines and pages again and again on a stream that is a terminal: stdout or stderr."""
+    """Return a console for lines and pages that are redrawn on a terminal: stdout or stderr."""
     from rich.console import Console
 
     return Console(file=cast("TextIO", _GuardedStream(stream)), highlight=False)
 
 
 def plain_text(text: str, style: str = "") -> "Text":
-    """Return text for Rich, in which neither markup (`[red]`) nor control characters mean anything."""
+    """Return text for Rich, in which neither markup (`[red]`) nor control characters have a meaning."""
     from rich.text import Text
 
     return Text(escape_terminal_text(text, is_one_line=True), style=style)
 
 
 def escape_library_messages() -> None:
-    """Write warnings and log records of libraries, which quote the files that they read, as notes."""
-    # Not imported by commands that only read small files.
+    """Write warnings and log records of libraries, which quote the files they read, as notes."""
+    # Commands that only read small files do not import these.
     import logging
     import warnings
 
@@ -155,14 +155,13 @@ def escape_library_messages() -> None:
         write_note(f"{filename}:{lineno}: {category.__name__}: {message}")
 
     cast("Any", warnings).showwarning = write_warning
-    # What Python uses where nobody has set up logging.
+    # Python's handler where logging is not configured.
     cast("Any", logging).lastResort = NoteHandler(logging.WARNING)
 
 
 def ask(question: str) -> bool:
-    """Ask on standard error, and return whether the answer on standard input begins with y; an end of input is a no."""
-    sys.stderr.write(f"{question} [y/N] ")
-    sys.stderr.flush()
+    """Ask a question on standard error; return whether the answer begins with y. The end of the input is a no."""
+    write_prompt(f"{question} [y/N] ")
     return sys.stdin.readline().strip().lower().startswith("y")
 
 
@@ -175,7 +174,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def drawn_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> "Table":
-    """Return the same for a page that is drawn again and again: cells break in their columns, numbers end at one."""
+    """Return the table for a redrawn page: cells wrap in their columns, numbers are right-aligned."""
     from rich.table import Table
 
     drawn = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")

@@ -1,11 +1,10 @@
-"""Messages to msgpack bytes or JSON text and back, with errors that say what was expected."""
+"""Messages to msgpack bytes or JSON text and back, with errors that name the expected value."""
 
 import base64
 import contextlib
 import json
 import re
 import threading
-from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar, cast, get_args
 
@@ -24,11 +23,12 @@ MAJOR_VERSION = 1
 _msgpack: Any = msgpack
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER_LOCK = threading.Lock()
-# A float64 whose exponent has all its bits; texts and arrays may hold the same bytes.
+# A float64 whose exponent has all its bits set; texts and arrays may contain the same bytes.
 _NON_FINITE_PATTERN = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
-# How deep lists and maps of a foreign message may lie in each other; those of a command lie four deep.
+# Depth limit of lists and maps in a foreign message; those of a command are four deep.
 MAX_NESTING = 32
+_CONTAINER_TYPES = frozenset({dict, list, tuple})
 
 
 def encode(message: Message) -> bytes:
@@ -37,7 +37,7 @@ def encode(message: Message) -> bytes:
 
 
 def encode_finite(message: Message) -> bytes:
-    """Return what `encode` does, for messages that were made without checks: NaN and infinity are found here.
+    """Return the bytes of `encode`, for messages that were built without checks: NaN and infinity are detected here.
 
     Raises:
         ContractError: a real is not finite.
@@ -52,7 +52,7 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     """Return the message in a payload.
 
     Raises:
-        ContractError: too large, not msgpack, not a map, or not what the message's schema says.
+        ContractError: too large, not msgpack, not a map, or not valid by the message's schema.
     """
     name = message_type.__name__
     if len(payload) > max_bytes:
@@ -69,10 +69,10 @@ def decode_trusted(message_type: type[AnyMessage], payload: bytes) -> AnyMessage
     try:
         return _get_decoder(message_type).decode(payload)
     except (msgspec.DecodeError, RecursionError, ValueError):
-        return decode(message_type, payload)  # which says what is wrong
+        return decode(message_type, payload)  # for its error message
 
 
-# One after the other: msgspec shows a type to other threads while it still reads its fields, and decoding then crashes.
+# Under a lock: msgspec exposes a type to other threads while it still reads its fields, and decoding then crashes.
 @cache
 def _get_decoder(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyMessage]:
     with _DECODER_LOCK:
@@ -82,10 +82,10 @@ def _get_decoder(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyM
 def decode_untrusted(
     message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES
 ) -> AnyMessage:
-    """Return the message in a payload that a foreign process wrote; see `unpack_untrusted` for what is refused beside.
+    """Return the message in a payload that a foreign process wrote, by the rules of `unpack_untrusted`.
 
     Raises:
-        ContractError: as `decode`; or a key is there twice, or lists and maps are too deep.
+        ContractError: as `decode`; or a key is repeated, or lists and maps are nested too deep.
     """
     name = message_type.__name__
     if len(payload) > max_bytes:
@@ -96,14 +96,14 @@ def decode_untrusted(
 def unpack_untrusted(name: str, payload: bytes, *, has_lists: bool = False) -> dict[str, Any]:
     """Return the map in a payload that a foreign process wrote.
 
-    Each key is there once, and lists and maps are at most `MAX_NESTING` deep. Our own services write neither, and are
-    not asked: looking costs time.
+    Keys are unique, and lists and maps are at most `MAX_NESTING` deep. Our own services violate neither rule and are
+    not checked: the check costs time.
 
     Args:
-        has_lists: Whether arrays become lists, as of JSON, and not tuples, as messages have them.
+        has_lists: Arrays become lists, as in JSON, and not tuples, as in messages.
 
     Raises:
-        ContractError: it is not one msgpack map, or breaks one of the two rules.
+        ContractError: it is not one msgpack map, or violates one of the two rules.
     """
     fields = _unpack_map(name, payload, has_lists=has_lists, object_pairs_hook=_unique_keys)
     check_nesting(name, fields)
@@ -111,10 +111,10 @@ def unpack_untrusted(name: str, payload: bytes, *, has_lists: bool = False) -> d
 
 
 def load_untrusted_json(name: str, text: str) -> Any:
-    """Return the value in a JSON text that a foreign process wrote; the rules of `unpack_untrusted` hold.
+    """Return the value in a JSON text that a foreign process wrote, by the rules of `unpack_untrusted`.
 
     Raises:
-        ContractError: a key is there twice, or lists and objects are too deep.
+        ContractError: a key is repeated, or lists and objects are nested too deep.
         ValueError: it is not JSON.
     """
     try:
@@ -126,31 +126,27 @@ def load_untrusted_json(name: str, text: str) -> Any:
 
 
 def check_nesting(name: str, value: object) -> None:
-    """Check how deep the lists and maps of a value lie in each other.
+    """Check the nesting depth of the lists and maps of a value.
 
     Raises:
         ContractError: deeper than `MAX_NESTING`.
     """
-    holders = [value] if type(value) in _CONTAINER_TYPES else []
+    holders: list[Any] = [value] if type(value) in _CONTAINER_TYPES else []
     for _ in range(MAX_NESTING):
-        holders = [item for holder in holders for item in _items(holder) if type(item) in _CONTAINER_TYPES]
+        items: list[Any] = []
+        for holder in holders:
+            items += cast(Any, holder).values() if isinstance(holder, dict) else holder
+        holders = [item for item in items if type(item) in _CONTAINER_TYPES]
         if not holders:
             return
     raise ContractError(f"{name}: expected lists and maps at most {MAX_NESTING} deep, were deeper.")
-
-
-_CONTAINER_TYPES = frozenset({dict, list, tuple})
-
-
-def _items(holder: Any) -> Iterable[object]:
-    return holder.values() if isinstance(holder, dict) else holder  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
 
 
 class _DuplicateKeyError(ValueError):
     pass
 
 
-# Which of two counts differs from reader to reader: Python takes the last, others the first.
+# The effective one of two equal keys differs from reader to reader: Python takes the last, others the first.
 def _unique_keys(pairs: list[tuple[Any, object]]) -> dict[Any, object]:
     fields = dict(pairs)
     if len(fields) < len(pairs):
@@ -161,25 +157,25 @@ def _unique_keys(pairs: list[tuple[Any, object]]) -> dict[Any, object]:
 
 
 def encode_json(message: Message) -> bytes:
-    """Return a message as one line of JSON in UTF-8, without a line end; bytes become base64 text."""
+    """Return a message as one line of JSON in UTF-8, without a newline; bytes become base64 text."""
     return dump_json_line(message.model_dump())
 
 
 def dump_json_line(fields: dict[str, Any]) -> bytes:
-    """Return the fields of a message as one line of JSON in UTF-8, without a line end."""
+    """Return the fields of a message as one line of JSON in UTF-8, without a newline."""
     text = json.dumps(fields, default=encode_base64, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.encode()
 
 
 def encode_base64(value: object) -> str:
-    """Return bytes as JSON carries them; to be handed to `json.dumps` as `default`."""
+    """Return bytes as base64 text; for `json.dumps` as `default`."""
     if isinstance(value, bytes):
         return base64.b64encode(value).decode()
     raise TypeError(f"expected bytes, was {type(value).__name__}")
 
 
 def decode_base64_fields(message_type: type[Message], fields: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a JSON object with bytes where its base64 text stands for them; the rest as it is.
+    """Return the fields of a JSON object with its base64 texts decoded to bytes.
 
     Raises:
         ContractError: such a text is not base64.
@@ -202,7 +198,7 @@ def _decode_base64_at(fields: dict[str, Any], path: tuple[str, ...], place: str)
         raise ContractError(f"{place}: expected base64 text, was {_shorten(value)} ({error}).") from error
 
 
-# Not into lists: no message that an agent writes has bytes there.
+# Lists are left out: no message that an agent writes has bytes in a list.
 @cache
 def _find_bytes_paths(record: type[Record]) -> tuple[tuple[str, ...], ...]:
     paths: list[tuple[str, ...]] = []
@@ -216,15 +212,15 @@ def _find_bytes_paths(record: type[Record]) -> tuple[tuple[str, ...], ...]:
 
 
 def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
-    """Return the message in a JSON object that a foreign process wrote; the rules are those of `decode_untrusted`.
+    """Return the message in a JSON object that a foreign process wrote, by the rules of `decode_untrusted`.
 
     Raises:
-        ContractError: too large, not UTF-8, not a JSON object, a key is there twice, or not what the schema says.
+        ContractError: too large, not UTF-8, not a JSON object, a key is repeated, or not valid by the schema.
     """
     name = message_type.__name__
     if len(text) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(text)}.")
-    with contextlib.suppress(ValueError, RecursionError):  # wrong JSON is reported below, in the reader's words
+    with contextlib.suppress(ValueError, RecursionError):  # malformed JSON is reported below, in the parser's words
         load_untrusted_json(name, text.decode())
     try:
         return validate_json(message_type, text)
@@ -248,10 +244,10 @@ _HEAD_DECODER = msgspec.msgpack.Decoder(ObservationHead)
 
 
 def decode_observation_head(payload: bytes) -> ObservationHead:
-    """Return the head of an observation of one of our own services, without judging the rest.
+    """Return the head of an observation that one of our own services wrote; the rest is not validated.
 
     Raises:
-        ContractError: not a msgpack map with both.
+        ContractError: not a msgpack map with both fields.
     """
     try:
         return _HEAD_DECODER.decode(payload)
@@ -292,7 +288,7 @@ def _unpack_map(name: str, payload: bytes, *, has_lists: bool = False, **hooks: 
     return cast(dict[str, Any], fields)
 
 
-# pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.
+# pydantic's own text spans several lines and quotes whole inputs; one line per problem is enough for an agent's author.
 def _format_problems(error: ValidationError) -> str:
     problems: list[str] = []
     for problem in error.errors(include_url=False)[:8]:
@@ -305,6 +301,6 @@ def _format_problems(error: ValidationError) -> str:
 def _shorten(value: object) -> str:
     try:
         text = repr(value)
-    except RecursionError:  # what msgpack and pydantic still read may be too deep to be shown
+    except RecursionError:  # msgpack and pydantic can read values too deep for repr
         return f"a deeply nested {type(value).__name__}"
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,4 +1,4 @@
-"""Keys of ports under a run's namespace, and the table of what travels on each, when, and between whom."""
+"""Keys of ports under a run's namespace, and the table of their messages, writers, readers and times."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,6 +10,8 @@ RADIO = "truth/radio"
 IMAGES = "truth/images"
 SCORE = "referee/score"
 VERDICT = "referee/verdict"
+# Stands for an agent's name in a key.
+AGENT_PLACEHOLDER = "<agent>"
 
 
 def briefing(agent: str) -> str:
@@ -28,31 +30,27 @@ def question(agent: str) -> str:
 
 
 def raw_command(agent: str) -> str:
-    """Return the key an agent writes its commands to; only the door reads it."""
+    """Return the key an agent writes its commands to; only the agent's validator reads it."""
     return f"agents/{agent}/command"
 
 
 def ending(agent: str) -> str:
-    """Return the key that tells an agent that the run is over."""
+    """Return the key of the notice to an agent that the run is over."""
     return f"agents/{agent}/ending"
 
 
 def command(agent: str) -> str:
-    """Return the port of an agent's checked commands, as written by the door."""
+    """Return the port of an agent's checked commands, written by the agent's validator."""
     return f"command/{agent}"
-
-
-# Stands for an agent's name in a key.
-AGENT_PLACEHOLDER = "<agent>"
 
 
 @dataclass(frozen=True)
 class KeyEntry:
     """One key of a run, relative to its namespace, and the message that travels on it.
 
-    `direction` is seen from an agent; None where agents take no part. `express` means that Zenoh sends a message at
-    once instead of waiting for more to put into the same packet; `asked` that only those awaiting a command are.
-    `travels` says whether each message has its own packet on this key, or may come in a bundle of its writer's.
+    `direction` is seen from an agent; None where agents take no part. `express` is the set of messages that Zenoh sends
+    at once instead of waiting for more to put into the same packet; `asked` are those that await a command. `travels`
+    is `alone` where each message has its own packet, else messages of one writer may be bundled.
     """
 
     key: str
@@ -65,7 +63,7 @@ class KeyEntry:
     travels: Literal["alone", "in bundles up to 4096 bytes"] = "in bundles up to 4096 bytes"
 
 
-# Key, message, writer, readers, when; and what differs from the usual.
+# Key, message, writer, readers, when; further arguments where they differ from the default.
 KEY_TABLE = (
     KeyEntry(BODIES, "BodyPoses", "world", "fields, sensing, radio, cameras, referee, recorder", "every tick"),
     KeyEntry(SAMPLES, "FieldSamples", "fields", "sensing, referee, recorder", "every tick"),

@@ -1,8 +1,8 @@
 """All messages of a run: frozen facts, SI units with the unit in the name, readable in any language.
 
-All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are refused.
+All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are rejected.
 In JSON, which the gateway offers too, they are objects with the same keys; bytes are base64 text.
-A message belongs to a tick and is valid at the end of that tick, unless its docstring says otherwise.
+A message belongs to a tick and is valid at the end of that tick, unless its docstring states otherwise.
 Frames: *world* is x east, y north, z up, right-handed, origin at the room's inner corner; *body* is x forward,
 y left, z up. Quaternions are (w, x, y, z).
 """
@@ -19,13 +19,49 @@ from gslcosim.contract.record import Quaternion as Quaternion
 from gslcosim.contract.record import Tick as Tick
 
 MAX_BELIEF_CELLS = 65_536
-# How far the sum of a belief's probabilities may be from 1: single precision over many cells.
+# Tolerance of the sum of a belief's probabilities: single precision over many cells.
 BELIEF_SUM_TOLERANCE = 1e-3
 
 ParameterScalar = bool | int | float | Annotated[str, StringConstraints(max_length=1000)]
 # A parameter of a method: any scalar of YAML, or a list of them.
 ParameterValue = ParameterScalar | Annotated[tuple[ParameterScalar, ...], Field(max_length=1000)]
 CellSize = Annotated[float, Field(gt=0, le=1000)]
+RECORDED_ONLY = {"$comment": "Only the recording reads it: no part of the contract's hash."}
+"""Mark in the schema of a field that only the recording reads; strict compilers accept the keyword."""
+MAX_NOTE_VALUES = 16
+MAX_NOTE_MODE_CHARACTERS = 40
+BodyRate = Annotated[float, Field(ge=-50, le=50)]
+Angle = Annotated[float, Field(ge=-6.3, le=6.3)]
+HoldTime = Annotated[float, Field(ge=0, le=3600)]
+CommandKind = Literal[
+    "waypoint",
+    "hold",
+    "noop",
+    "declare_source",
+    "velocity",
+    "failed",
+    "mission",
+    "take_off",
+    "land",
+    "attitude",
+    "rates",
+    "drive",
+]
+# Required field of a kind of command.
+_NEEDED_BY_KIND = {
+    "waypoint": "position_world_m",
+    "velocity": "velocity_world_m_s",
+    "declare_source": "declaration",
+    "mission": "waypoints",
+    "attitude": "attitude",
+    "rates": "rates",
+    "drive": "drive",
+}
+# Prefix of the `reason` of a command that the runtime wrote in place of one that could not be read.
+REFUSED_PREFIX = "refused: "
+# All kinds that an agent may write; `failed` is the runtime's.
+AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
+CONTRACT_VERSION = "1.3"
 
 
 class KnownMap(Record):
@@ -45,11 +81,10 @@ class KnownMap(Record):
 class NominalPlume(Record):
     """The nominal figures of the plume, for an agent that is granted them; part of `Briefing`. Since contract 1.2.
 
-    A source releases `puffs_per_s`, together `release_ppm_m3_s` of gas: the integral of the mixing ratio [ppm] over
-    all space grows by that much a second. A puff is born with the standard deviation `initial_sigma_m`, its variance
-    grows by `growth_m2_s`, and its centre wanders with the eddy diffusivity `diffusivity_m2_s` on each axis.
-    `wind_speed_m_s` is the nominal speed of the wind, at the inlet of a room. Where the source is, and how high, is
-    not told.
+    A source releases `puffs_per_s`, together `release_ppm_m3_s` of gas: the integral of the mixing ratio [ppm] over all
+    space grows by that much a second. A puff is born with the standard deviation `initial_sigma_m`, its variance grows
+    by `growth_m2_s`, and its centre wanders with the eddy diffusivity `diffusivity_m2_s` on each axis. `wind_speed_m_s`
+    is the nominal speed of the wind, at the inlet of a room. The position and height of the source are not part of it.
     """
 
     release_ppm_m3_s: float
@@ -77,10 +112,10 @@ def _check_probability(probability: NumericArray) -> NumericArray:
 class Belief(Record):
     """An agent's belief about the source: a probability for each cell; part of `Command`. Since contract 1.2.
 
-    `probability` is float32 of shape (nx, ny) or (nx, ny, nz), none negative, together 1 (within 0.001), at most
-    65,536 cells of `cell_m`; the first cell touches the corner `origin_m`. A belief with two axes is about the place
-    in the plane, whatever the height; its `origin_m` has the height at which the agent searches.
-    At most one belief a second of simulated time is taken. It is judged and recorded; no other agent sees it.
+    `probability` is float32 of shape (nx, ny) or (nx, ny, nz), none negative, together 1 (within 0.001), at most 65,536
+    cells of `cell_m`; the first cell touches the corner `origin_m`. A belief with two axes covers positions in the
+    plane, at any height; its `origin_m` has the height at which the agent searches.
+    At most one belief per second of simulated time is accepted. It is scored and recorded; no other agent sees it.
     """
 
     origin_m: Vec3
@@ -88,19 +123,12 @@ class Belief(Record):
     probability: Annotated[NumericArray, AfterValidator(_check_probability)]
 
 
-RECORDED_ONLY = {"$comment": "Only the recording reads it: no part of the contract's hash."}
-"""Mark in the schema of a field that only the recording reads; a keyword that strict compilers know, too."""
-
-MAX_NOTE_VALUES = 16
-MAX_NOTE_MODE_CHARACTERS = 40
-
-
 class Note(Record):
-    """State of a method, written down by itself; part of `Command`. Since contract 1.2.
+    """State of a method, as it reports it; part of `Command`. Since contract 1.2.
 
-    `mode` is what it is doing in a word or two of its own, such as `casting`; `values` are numbers that it decides by,
-    such as the entropy of its map, at most 16 by name. It is recorded and nothing else: nobody judges it, and no other
-    agent sees it.
+    `mode` is its present activity in a word or two of its own, such as `casting`; `values` are numbers that it decides
+    by, such as the entropy of its map, at most 16 by name. A note is recorded and nothing else: it is not judged, and
+    no other agent sees it.
     """
 
     mode: Annotated[str, StringConstraints(max_length=MAX_NOTE_MODE_CHARACTERS)] = ""
@@ -110,8 +138,8 @@ class Note(Record):
 class RadioMessage(Record):
     """A text that an agent sends on a channel: to the agent named `to`, or to `all` other members of the channel.
 
-    How long it may be in UTF-8 is the channel's `max_bytes`; whether and when it is heard, the channel's business too.
-    Part of `Command`. Since contract 1.1.
+    Its length in UTF-8 is limited by the channel's `max_bytes`; the channel also determines reception and delay. Part
+    of `Command`. Since contract 1.1.
     """
 
     channel: Name
@@ -126,18 +154,12 @@ class Declaration(Record):
     confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
-BodyRate = Annotated[float, Field(ge=-50, le=50)]
-Angle = Annotated[float, Field(ge=-6.3, le=6.3)]
-HoldTime = Annotated[float, Field(ge=0, le=3600)]
-
-
 class Waypoint(Record):
     """One place of a mission, part of `Command`. Since contract 1.1.
 
     Without a velocity the vehicle comes to rest there and holds `hold_s`; with one it passes through with velocity
-    `velocity_world_m_s` and acceleration `acceleration_world_m_s2`. It gets there `after_s` after the waypoint before
-    (absent: as soon as its limits allow), and looks towards `yaw_rad`, counter-clockwise from world x (absent: as
-    before).
+    `velocity_world_m_s` and acceleration `acceleration_world_m_s2`. It arrives `after_s` after the waypoint before
+    (absent: as soon as its limits allow), with heading `yaw_rad`, counter-clockwise from world x (absent: unchanged).
     """
 
     position_world_m: Vec3
@@ -149,10 +171,10 @@ class Waypoint(Record):
 
 
 class AttitudeSetpoint(Record):
-    """Which attitude a multirotor is to take, for an agent with its own control; part of `Command`. Since contract 1.1.
+    """Desired attitude of a multirotor, for an agent with its own control; part of `Command`. Since contract 1.1.
 
-    Roll about body x, pitch about body y, yaw about z, turned in the order yaw, pitch, roll from the world frame.
-    `thrust_n` is the thrust of all rotors together; absent: as much as keeps the vertical speed at `climb_m_s`.
+    Roll about body x, pitch about body y, yaw about z, applied in the order yaw, pitch, roll from the world frame.
+    `thrust_n` is the total thrust of all rotors; absent: as much as keeps the vertical speed at `climb_m_s`.
     """
 
     roll_rad: Annotated[float, Field(ge=-3.15, le=3.15)] = 0.0
@@ -163,7 +185,7 @@ class AttitudeSetpoint(Record):
 
 
 class RateSetpoint(Record):
-    """Rates of a multirotor about its body axes, for an agent with its own control; part of `Command`.
+    """Angular rates of a multirotor about its body axes, for an agent with its own control; part of `Command`.
 
     `thrust_n` and `climb_m_s` are those of `AttitudeSetpoint`. Since contract 1.1.
     """
@@ -176,73 +198,35 @@ class RateSetpoint(Record):
 class DriveSetpoint(Record):
     """Speed along the nose and rate of turn to the left of a vehicle on wheels; part of `Command`.
 
-    The radius of its circle is `speed_m_s` divided by `yaw_rate_rad_s`. Since contract 1.1.
+    The radius of the turn is `speed_m_s` divided by `yaw_rate_rad_s`. Since contract 1.1.
     """
 
     speed_m_s: float
     yaw_rate_rad_s: float = 0.0
 
 
-CommandKind = Literal[
-    "waypoint",
-    "hold",
-    "noop",
-    "declare_source",
-    "velocity",
-    "failed",
-    "mission",
-    "take_off",
-    "land",
-    "attitude",
-    "rates",
-    "drive",
-]
-
-# Which field a kind of command cannot do without.
-_NEEDED_BY_KIND = {
-    "waypoint": "position_world_m",
-    "velocity": "velocity_world_m_s",
-    "declare_source": "declaration",
-    "mission": "waypoints",
-    "attitude": "attitude",
-    "rates": "rates",
-    "drive": "drive",
-}
-
-
-# The same as JSON Schema, so that other languages' validators find it too.
-def _needed_by_kind() -> list[JsonValue]:
-    return [
-        {
-            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
-            "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
-        }
-        for kind, name in _NEEDED_BY_KIND.items()
-    ]
-
-
 class Command(Message):
     """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
 
-    `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
-    `velocity` flies with `velocity_world_m_s` and does not stop for the next command, which is asked for after
+    `waypoint` goes to `position_world_m` and holds there `hold_s` (absent: the briefing's);
+    `velocity` moves with `velocity_world_m_s` and does not stop for the next command, which is due after
     `hold_s`; at the edge of the room the vehicle stops by itself;
     `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
-    `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
-    `contract` (since 1.1) may say in the first command which contract the agent was made for, as `1.1` or `1.1+hash`;
-    the door reads it and does not pass it on. `outgoing` (since 1.1) are texts for other agents, sent with a command of
-    any kind.
-    Since 1.1 also: `mission` flies to all `waypoints` and then asks; `take_off` rises from where it has landed to the
-    briefing's search height; `land` comes down, stands and stops its rotors; `attitude` and `rates` leave attitude or
-    rates of a multirotor to the agent, and `drive` the speed and turning of a vehicle on wheels: they hold until the
-    next command, which is asked for after `hold_s`.
-    With `waypoint`, `velocity` and `hold` the vehicle looks towards `yaw_rad`, counter-clockwise from world x, or along
-    its path with `faces_path`; with neither it goes on to look where it did.
-    `belief` (since 1.2) publishes where the agent believes the source to be, with a command of any kind; at most one a
-    second of simulated time is taken.
-    `reason` is a sentence for people: why the agent decided so, in its own words; it is recorded and decides nothing.
-    The runtime writes it in two cases: `refused: …` with a `hold` in place of an answer that could not be read, and why
-    an agent is gone with `failed`.
+    `failed` is written by the runtime in place of an agent that is gone: no message follows it on this port.
+    `contract` (since 1.1) may state in the first command the contract that the agent was made for, as `1.1` or
+    `1.1+hash`; the agent's validator reads it and does not pass it on. `outgoing` (since 1.1) are texts for other
+    agents, sent with a command of any kind.
+    Since 1.1 also: `mission` visits all `waypoints`, after which the next command is due; `take_off` rises from the
+    landing place to the briefing's search height; `land` descends, stands and stops its rotors; `attitude` and `rates`
+    leave attitude or rates of a multirotor to the agent, and `drive` the speed and turning of a vehicle on wheels: they
+    hold until the next command, which is due after `hold_s`.
+    With `waypoint`, `velocity` and `hold` the vehicle's heading is `yaw_rad`, counter-clockwise from world x, or along
+    its path with `faces_path`; with neither the heading is kept.
+    `belief` (since 1.2) publishes the agent's belief about the place of the source, with a command of any kind; at most
+    one per second of simulated time is accepted.
+    `reason` is a sentence for people: the agent's reason for its decision, in its own words; it is recorded and decides
+    nothing. The runtime writes it in two cases: `refused: …` with a `hold` in place of an answer that could not be
+    read, and the reason why an agent is gone with `failed`.
     `note` (since 1.2) has the state of the method, with a command of any kind; where it is absent the key is left out.
     """
 
@@ -265,19 +249,26 @@ class Command(Message):
 
     @property
     def sent(self) -> "Command":
-        """The command as it is encoded: without the key of a note that is absent, as before there were notes."""
+        """The command as it is encoded: the key of an absent note is left out, as before there were notes."""
         return self if self.note is not None else msgspec.structs.replace(self, note=msgspec.UNSET)
 
     def check_together(self) -> None:
-        """Raise ValueError where what the kind of command cannot do without is missing; see `Record`."""
+        """Raise ValueError where the required field of the kind of command is missing."""
         needed = _NEEDED_BY_KIND.get(self.kind)
         if needed is not None and getattr(self, needed) is None:
             raise ValueError(f"a {self.kind} command needs {needed}")
 
     @classmethod
     def json_schema_extra(cls) -> dict[str, JsonValue]:
-        """Return the same rule in words of JSON Schema; see `Record`."""
-        return {"allOf": _needed_by_kind()}
+        """Return the same rule in keywords of JSON Schema, for validators in other languages."""
+        rules: list[JsonValue] = [
+            {
+                "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+                "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
+            }
+            for kind, name in _NEEDED_BY_KIND.items()
+        ]
+        return {"allOf": rules}
 
     @property
     def closes_port(self) -> bool:
@@ -285,29 +276,19 @@ class Command(Message):
         return self.kind == "failed"
 
 
-# How the `reason` of a command begins that the runtime has put in place of one that could not be read.
-REFUSED_PREFIX = "refused: "
-
-# All kinds that an agent may write; `failed` is the runtime's.
-AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
-
-
-CONTRACT_VERSION = "1.3"
-
 # ---------------------------------------------------------------- truth, never visible to agents
 
 
 class BodyState(Record):
     """True state of one vehicle; part of `BodyPoses`.
 
-    `position_world_m` is the origin of the body frame, `quaternion_wxyz` turns body into world vectors,
-    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing (`landing` and
-    `driving` since 1.1), `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown
-    or driven so far,
-    `waypoint_world_m` is where it is going (absent: nowhere), `tracking_error_m` (since 1.1) is how far it is from
-    where its controller wants it now (absent: it follows no path). `rejected_command` says why the last command was
-    refused or how it was changed. `planned_path_world_m` (since 1.1) are the bends ahead and the waypoint, where the
-    vehicle avoids obstacles.
+    `position_world_m` is the origin of the body frame, `quaternion_wxyz` rotates body into world vectors, `contacts`
+    names the objects touched during the tick, `phase` is the present activity (`landing` and `driving` since 1.1),
+    `awaiting_command` requests the agent's next command, `path_length_m` is the distance travelled so far,
+    `waypoint_world_m` is the present goal (absent: none), `tracking_error_m` (since 1.1) is the distance from the
+    controller's reference (absent: it follows no path). `rejected_command` is the reason why the last command was
+    refused or changed. `planned_path_world_m` (since 1.1) are the bends ahead and the waypoint, where the vehicle
+    avoids obstacles.
     `inertial_body` (since 1.1) is there for a vehicle with an IMU: (n, 9) float64, a row for each physics step of the
     tick, of specific force [m/s^2], angular velocity [rad/s] and angular acceleration [rad/s^2] at the origin of the
     body frame, in its axes.
@@ -335,7 +316,7 @@ class BodyPoses(Message):
     bodies: tuple[BodyState, ...]
 
     def announced_ports(self) -> frozenset[str]:
-        """Return the command ports of the agents that are asked at this tick."""
+        """Return the command ports of the agents whose command is due at this tick."""
         return frozenset(f"command/{body.agent}" for body in self.bodies if body.awaiting_command)
 
 
@@ -349,8 +330,8 @@ class GasAmount(Record):
 class MountSample(Record):
     """True gas and wind at the mount of one sensor; the wind is that of the air, not relative to the vehicle.
 
-    For an instrument with a beam (since 1.1) `gases` are means along it, and `beam_m` is its length up to what reflects
-    it, 0 where nothing does within its range; absent: the gas is that at the mount.
+    For an instrument with a beam (since 1.1) `gases` are means along it, and `beam_m` is its length up to the
+    reflecting surface, 0 where there is none within its range; absent: the gas is that at the mount.
     """
 
     agent: Name
@@ -381,7 +362,7 @@ class ConcentrationSlice(Record):
 class FilamentCloud(Message):
     """Filaments and a concentration slice. Written by fields on `truth/filaments` every `gas_every_s`. Truth.
 
-    `position_world_m` (n, 3) and `sigma_m` (n,) are float32; `gas_index` (n,) uint8 counts into `gases`.
+    `position_world_m` (n, 3) and `sigma_m` (n,) are float32; `gas_index` (n,) uint8 indexes `gases`.
     """
 
     gases: tuple[str, ...]
@@ -396,9 +377,9 @@ class CameraImage(Record):
 
     `data` is a file: colours as PNG or JPEG, or (`depth_png`) a PNG of 16-bit depths along the optical axis [mm], 0
     where nothing is in range. A pinhole without distortion: the point of the picture (u, v), right and down from its
-    upper left corner [pixels], shows what lies in the direction ((u - centre) / focal, (v - centre) / focal, 1) of the
-    optical frame, x right, y down, z ahead, which `quaternion_body_wxyz` turns into the body frame; the eye is at
-    `position_body_m`. `taken_tick` is the tick at whose end the picture was taken.
+    upper left corner [pixels], shows the direction ((u - centre) / focal, (v - centre) / focal, 1) of the optical
+    frame, x right, y down, z ahead, which `quaternion_body_wxyz` rotates into the body frame; the pinhole is at
+    `position_body_m`. The picture was taken at the end of tick `taken_tick`.
     """
 
     encoding: Literal["png", "jpeg", "depth_png"]
@@ -429,7 +410,7 @@ class CameraFrames(Message):
 
 
 class RadioReception(Record):
-    """A text that an agent hears: from whom, on which channel, and at the end of which tick it was sent.
+    """A text that an agent receives: its sender, its channel, and the tick at whose end it was sent.
 
     Part of `Observation`. Since contract 1.1.
     """
@@ -444,8 +425,8 @@ class RadioReception(Record):
 class RadioTransmission(Record):
     """Fate of a text that was sent at the end of the tick before; part of `RadioTraffic`.
 
-    It is heard by `reached`, after the channel's delay; by `lost` it would have been, but for the channel's losses; the
-    other members it was meant for were `out_of_range`. `refusal` says why it was not sent at all.
+    Agents in `reached` receive it after the channel's delay; those in `lost` would, but for the channel's losses; the
+    other intended receivers were `out_of_range`. `refusal` is the reason why it was not sent at all.
     """
 
     sender: Name
@@ -457,7 +438,7 @@ class RadioTransmission(Record):
 
 
 class RadioArrival(Record):
-    """A text that comes to one agent at this tick; part of `RadioTraffic`."""
+    """A text that one agent receives at this tick; part of `RadioTraffic`."""
 
     agent: Name
     reception: RadioReception
@@ -466,7 +447,8 @@ class RadioArrival(Record):
 class RadioTraffic(Message):
     """Texts on the air. Written by radio on `truth/radio` every tick, in runs whose scenario has channels. Truth.
 
-    By sender's name, in the order of the sender's command; arrivals by their sending tick first. Since contract 1.1.
+    Transmissions by sender's name, then as in the command; arrivals by their sending tick first. Since contract 1.1.
+    1.1.
     """
 
     transmissions: tuple[RadioTransmission, ...] = ()
@@ -477,10 +459,10 @@ class RadioTraffic(Message):
 
 
 class ChannelDescription(Record):
-    """One channel that an agent may send and hear on, as told in the briefing. Since contract 1.1.
+    """One channel on which an agent may send and receive; part of `Briefing`. Since contract 1.1.
 
-    `members` are all its members, the agent among them; `range_m` is how far it reaches (absent: everywhere); a text
-    of at most `max_bytes` in UTF-8 is heard `delay_ticks` after it was sent, if it is not lost.
+    `members` are all its members, including the agent; `range_m` is its range (absent: unlimited); a text of at most
+    `max_bytes` in UTF-8 arrives `delay_ticks` after it was sent, if it is not lost.
     """
 
     name: Name
@@ -491,9 +473,9 @@ class ChannelDescription(Record):
 
 
 class SensorDescription(Record):
-    """One sensor of the agent's vehicle, as told in the briefing.
+    """One sensor of the agent's vehicle; part of `Briefing`.
 
-    `mount_rpy_rad` (since 1.1) turns the sensor's axes against the body's, by roll, then pitch, then yaw about fixed
+    `mount_rpy_rad` (since 1.1) rotates the sensor's axes against the body's, by roll, then pitch, then yaw about fixed
     axes. `directions_body` (since 1.1) are the unit directions in which ranges are measured, in the body frame, in the
     order of the ranges: (n, 3) float32 for range finders, (elevations, azimuths, 3) for lidars.
     """
@@ -515,17 +497,17 @@ class Bounds(Record):
 
 
 class Task(Record):
-    """Task of an agent: what counts as success, and within which limits; part of `Briefing`. Since contract 1.3.
+    """Task of an agent: criterion and limits of success; part of `Briefing`. Since contract 1.3.
 
     `goal` is the criterion of success: `source` (the vehicle comes near a source), `declaration` (a declared position
     is near one), `all_sources` (the vehicle comes near each), `map` (the last belief is concentrated near one), or the
     name of a criterion of another package.
-    `distance_of` is what has to be within `success_radius_m` of a source, absent where a criterion of another package
-    goes by something else; with `is_horizontal` heights do not count in that distance. Of a belief at least
-    `mass_at_least` has to be within the radius (absent: no belief is asked for).
+    `distance_of` names the object that has to be within `success_radius_m` of a source, absent where the criterion of
+    another package is not a distance; with `is_horizontal` heights do not count in that distance. Of a belief at least
+    `mass_at_least` has to be within the radius (absent: no belief is required).
     `time_limit_s` is simulated time, and `command_limit` the number of commands (absent: no limit).
     `asks_for_declaration` is true where an agent that declares no position cannot succeed.
-    `n_sources` is how many sources have to be found (absent: all; their number is not given).
+    `n_sources` is the number of sources to be found (absent: all; their number is not given).
     """
 
     goal: str
@@ -543,14 +525,14 @@ class Briefing(Message):
     """Task and sensors of an agent, once before its first observation, by sensing on `agents/<id>/briefing`.
 
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
-    `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
-    major version should say so and exit. `channels` (since 1.1) are those on which it may talk with other agents.
-    `parameters` (since 1.2) are the settings of the method, as the scenario gives them; those it leaves out have the
-    method's own values. `known_map`, `plume` and `known_sources` (since 1.2) are there for an agent that the scenario
-    grants this knowledge: the map of the room, nominal figures of the plume, and, for upper bounds such as the oracle
-    alone, the places of the sources.
-    `task` (since 1.3) is what the agent is asked for, absent in runs of older contracts and where nothing is judged;
-    `mission` is the same as a sentence for people.
+    `contract_version` and `contract_hash` (since 1.1) identify the contract of the run: an agent made for another major
+    version should report it and exit. `channels` (since 1.1) are those on which it may communicate with other agents.
+    `parameters` (since 1.2) are the settings of the method in the scenario; those it leaves out have the method's own
+    values. `known_map`, `plume` and `known_sources` (since 1.2) are there for an agent that the scenario grants this
+    knowledge: the map of the room, nominal figures of the plume, and, only for upper bounds such as the oracle, the
+    positions of the sources.
+    `task` (since 1.3) is the agent's task, absent in runs of older contracts and where nothing is judged; `mission` is
+    the same as a sentence for people.
     """
 
     agent: Name
@@ -578,10 +560,10 @@ class Briefing(Message):
 class Reading(Record):
     """Output of one instrument: one or several numbers in `unit` (see the sensor's description).
 
-    `is_saturated` says that the instrument is at the end of its range; `is_warming_up` (since 1.1) that it does not
-    measure yet, and that its values mean nothing. `array` and `image` (since 1.1) are what does not fit `values`:
-    an IMU's samples, a lidar's ranges, a camera's picture. They come when they are new, and again where a command is
-    awaited.
+    `is_saturated` means that the instrument is at the end of its range; `is_warming_up` (since 1.1) that it does not
+    measure yet, and that its values have no meaning. `array` and `image` (since 1.1) hold data that does not fit
+    `values`: an IMU's samples, a lidar's ranges, a camera's picture. They are present when they are new, and again
+    where a command is awaited.
     """
 
     sensor: Name
@@ -598,13 +580,13 @@ class Observation(Message):
     """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick, and again on
     `agents/<id>/question` (since 1.2) where it awaits a command: an agent subscribes to one of the two.
 
-    The pose is the vehicle's own estimate. `status` is what the vehicle is doing: `on_ground`, `taking_off`, `flying`,
-    `driving`, `holding`, `landing` or `failed`, as the phases of `BodyState`; more may come, so that agents should take
-    a word that they do not know for `flying`.
+    The pose is the vehicle's own estimate. `status` is the vehicle's present activity: `on_ground`, `taking_off`,
+    `flying`, `driving`, `holding`, `landing` or `failed`, as the phases of `BodyState`; more may be added, so that
+    agents should treat an unknown word as `flying`.
     When `awaiting_command` is true, exactly one `Command` with this tick is expected in return, and simulated time
-    waits for it. `notice` says why the last command was refused, or how it was changed.
-    `incoming` (since 1.1) are the texts heard from other agents at this tick, whether or not a command is awaited;
-    `radio_refusals` (since 1.1) says of each text sent in the last command that was not put on the air, why.
+    waits for it. `notice` is the reason why the last command was refused, or how it was changed.
+    `incoming` (since 1.1) are the texts received from other agents at this tick, whether or not a command is awaited;
+    `radio_refusals` (since 1.1) has the reason for each text of the last command that was not transmitted.
     """
 
     agent: Name
@@ -621,7 +603,7 @@ class Observation(Message):
 
     @property
     def is_question(self) -> bool:
-        """True when the agent is asked for a command."""
+        """True when a command of the agent is awaited."""
         return self.awaiting_command
 
     def reading(self, sensor: str) -> Reading:
@@ -646,12 +628,11 @@ class Ending(Message):
 
 
 class BeliefScore(Record):
-    """Quality of a belief, by the truth; part of `AgentScore` and `AgentResult`. Since contract 1.2.
+    """Quality of a belief, measured against the truth; part of `AgentScore` and `AgentResult`. Since contract 1.2.
 
-    `expected_distance_m` is the mean distance of the believed places to the nearest source: the earth mover's distance
-    of the belief to the truth. `mass_near_frac` is the probability within the success radius of a source,
-    `cell_frac` that of the cells that hold one, `entropy_bits` the belief's entropy. Beliefs with two axes are judged
-    in the plane.
+    `expected_distance_m` is the belief's mean distance to the nearest source: the earth mover's distance of the belief
+    to the truth. `mass_near_frac` is the probability within the success radius of a source, `cell_frac` that of the
+    cells that hold one, `entropy_bits` the belief's entropy. Beliefs with two axes are judged in the plane.
     """
 
     expected_distance_m: float
@@ -694,7 +675,7 @@ class AgentResult(Record):
 
 
 class RefereeEvent(Record):
-    """Something the referee saw at this tick: take-off, first gas contact, collision, declaration, success."""
+    """An event that the referee detected at this tick: take-off, first gas contact, collision, declaration, success."""
 
     agent: Name | None
     kind: str

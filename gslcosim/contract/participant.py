@@ -1,4 +1,4 @@
-"""Interface between models and the runtime: cores, what they declare, and what else they may support."""
+"""Interface between models and the runtime: cores, their declarations, and optional capabilities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,17 +6,21 @@ from typing import Any, Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
-# Far enough that writers seldom wait for credit, which is reported four times in as many ticks.
+# Far enough ahead that writers seldom wait for credit, which is reported four times in as many ticks.
 WINDOW_TICKS = 256
+# Prefix of the names of agents' participants; no other participant's name begins with it.
+AGENT_PREFIX = "agent_"
+Inbox = Mapping[str, Message]
+Outbox = Mapping[str, Message]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Write:
     """A port that a participant writes: one message at tick 0 and every `period_ticks` after it.
 
-    `announced_in` names a port whose messages say at which ticks this port carries a message instead
-    (see `Message.announced_ports`); `period_ticks` then has no meaning. `is_for_recording` says that its messages
-    depend on how a run is recorded: a repetition that is recorded otherwise is not compared by them.
+    `announced_in` names a port whose messages determine the ticks at which this port carries a message instead (see
+    `Message.announced_ports`); `period_ticks` then has no meaning. Messages with `is_for_recording` depend on the
+    recording's settings: they are left out of the comparison with a repetition that is recorded otherwise.
     """
 
     port: str
@@ -47,10 +51,6 @@ class ParticipantSpec:
     window_ticks: int = WINDOW_TICKS
 
 
-# What the names of agents' participants begin with, and no other's.
-AGENT_PREFIX = "agent_"
-
-
 def get_agent_participant(agent: str) -> str:
     """Return the name of the participant that stands for an agent."""
     return f"{AGENT_PREFIX}{agent}"
@@ -60,19 +60,15 @@ def get_agent_participant(agent: str) -> str:
 class Episode:
     """One run of a scenario: the seed from which all its random streams derive.
 
-    `is_warmup` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
+    `is_warmup` means that a few synthetic ticks and another reset follow: purely time-consuming work may be left out.
     """
 
     seed: int
     is_warmup: bool = False
 
 
-Inbox = Mapping[str, Message]
-Outbox = Mapping[str, Message]
-
-
 class Core(Protocol):
-    """A model that does not know where it runs: no process, no socket, no clock."""
+    """A model that is independent of where it runs: no process, no socket, no clock."""
 
     @property
     def spec(self) -> ParticipantSpec:
@@ -80,7 +76,7 @@ class Core(Protocol):
         ...
 
     def reset(self, episode: Episode) -> Outbox:
-        """Return to the state before tick 0 and return the messages that are written once (may be empty)."""
+        """Return to the state before tick 0; return the messages that are written once (may be empty)."""
         ...
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -96,10 +92,10 @@ class Core(Protocol):
 
 @runtime_checkable
 class SupportsClose(Protocol):
-    """Core that holds something open, such as a file: it is closed after the last tick, whatever ended the run."""
+    """Core that holds an open resource, such as a file; it is closed after the last tick, however the run ended."""
 
     def close(self) -> None:
-        """Let go of it; called once."""
+        """Release the resource; called once."""
         ...
 
 
@@ -117,9 +113,9 @@ class SupportsPrefetch(Protocol):
     """Core that can do a part of its work before its inputs are there."""
 
     def prefetch(self) -> bool:
-        """Do a small part of the work that any later step needs, and return whether there was one to do.
+        """Do a small part of the work that any later step needs; return whether there was any left.
 
-        It is called, or not, whenever the core waits for inputs: what the core writes must not depend on it.
+        It may be called whenever the core waits for inputs: the core's messages must not depend on it.
         """
         ...
 
@@ -128,11 +124,11 @@ class SupportsPrefetch(Protocol):
 class SupportsSnapshots(Protocol):
     """Core that reads and restores its state itself, because it holds opaque objects, such as a C library's.
 
-    The runtime looks through all other cores; see `docs/snapshots.md`.
+    The runtime inspects the state of all other cores by itself; see `docs/snapshots.md`.
     """
 
     def state(self) -> Mapping[str, Any]:
-        """Return all that the next steps depend on and `reset` does not bring: plain values and bytes, as in msgpack.
+        """Return all that the next steps depend on and `reset` does not restore: plain values and bytes, as in msgpack.
 
         It is called between two steps, any number of times, and changes nothing.
         """
@@ -145,8 +141,8 @@ class SupportsSnapshots(Protocol):
 
 @runtime_checkable
 class SupportsWarmup(Protocol):
-    """Core that computes in a run with kernels that its first ticks do not reach."""
+    """Core that uses kernels in a run that its first ticks do not reach."""
 
     def warm_up(self) -> None:
-        """Use those kernels once, after the synthetic ticks and before the reset that starts the run."""
+        """Call those kernels once, after the synthetic ticks and before the reset that starts the run."""
         ...

@@ -1,7 +1,7 @@
-"""Records, which all messages are made of: frozen structs with checked fields, numbers, names and numeric arrays.
+"""Records, of which all messages are made: frozen structs with checked fields, numbers, names and numeric arrays.
 
-A record is a msgspec struct, which is made, written and read without a look at its limits. The limits stand in its
-annotations, in pydantic's words; a pydantic model of the same fields is made from them when it is first asked for.
+A record is a msgspec struct, which is built, encoded and decoded without a check of its limits. The limits are part of
+its annotations, in pydantic's notation; a pydantic model of the same fields is derived from them on first use.
 """
 
 import difflib
@@ -33,26 +33,41 @@ from gslcosim.base.untrusted_input import describe_validation_errors
 AnyStruct = TypeVar("AnyStruct", bound=msgspec.Struct)
 
 _CONFIG = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False, val_json_bytes="base64")
+Quaternion = tuple[float, float, float, float]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Tick = Annotated[int, Field(ge=0, le=2**53)]
+AnyRecord = TypeVar("AnyRecord")
+Fields = ParamSpec("Fields")
+DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
+MAX_DIMENSIONS = 8
+_DTYPES_BY_NAME = {name: np.dtype(code) for name, code in DTYPES.items()}
+_NAMES_BY_DTYPE = {dtype: name for name, dtype in _DTYPES_BY_NAME.items()}
+# Dot products of longer ones may run in several threads.
+_SHORT_ARRAY_BYTES = 4096
 
 
 @cache
 def get_pydantic_model(record: type[msgspec.Struct]) -> type[BaseModel]:
     """Return the pydantic model of a record: its fields with their limits, and its JSON Schema.
 
-    A record may say `json_schema_extra()`, words of JSON Schema that stand beside its fields, and `check_together()`,
-    which raises ValueError where fields do not go together.
+    A record may define `json_schema_extra()`, keywords of JSON Schema beside its fields, and `check_together()`, which
+    raises ValueError where fields are inconsistent.
     """
     fields: dict[str, Any] = {field.name: (field.type, _get_default(field)) for field in msgspec.structs.fields(record)}
     config = _CONFIG.copy()
     if extra := cast(Any, record).json_schema_extra():
         config["json_schema_extra"] = extra
-    check: Any = model_validator(mode="after")(_build_validator(record))
+
+    def check(model: BaseModel) -> BaseModel:
+        cast(Any, record).check_together(model)
+        return model
+
     return create_model(
         record.__name__,
         __config__=config,
         __doc__=record.__doc__,
         __module__=record.__module__,
-        __validators__={"check_together": check},
+        __validators__={"check_together": cast(Any, model_validator(mode="after")(check))},
         **fields,
     )
 
@@ -72,23 +87,9 @@ def validate_json(record: type[AnyStruct], text: bytes) -> AnyStruct:
     """Return the record in a JSON object.
 
     Raises:
-        pydantic.ValidationError: as `validate_fields`, or it is no JSON object.
+        pydantic.ValidationError: as `validate_fields`, or the text is not a JSON object.
     """
     return _build_constructor(record)(get_pydantic_model(record).model_validate_json(text))
-
-
-def build_core_schema(record: type[msgspec.Struct], handler: GetCoreSchemaHandler) -> CoreSchema:
-    """Return how pydantic checks a record that is part of another: one that is made already passes as it is."""
-    make = _build_constructor(record)
-
-    def taken(value: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
-        return value if type(value) is record else make(check(value))
-
-    model = get_pydantic_model(record)
-    return core_schema.json_or_python_schema(
-        json_schema=core_schema.no_info_after_validator_function(make, handler(model)),
-        python_schema=core_schema.no_info_wrap_validator_function(taken, handler(model)),
-    )
 
 
 def _get_default(field: msgspec.structs.FieldInfo) -> Any:
@@ -97,41 +98,25 @@ def _get_default(field: msgspec.structs.FieldInfo) -> Any:
     return ... if field.default is msgspec.NODEFAULT else field.default
 
 
-def _build_validator(record: type[msgspec.Struct]) -> Callable[[BaseModel], BaseModel]:
-    def check(model: BaseModel) -> BaseModel:
-        cast(Any, record).check_together(model)
-        return model
-
-    return check
-
-
 def _build_constructor(record: type[AnyStruct]) -> Callable[[BaseModel], AnyStruct]:
     return lambda model: msgspec.StructMeta.__call__(record, **vars(model))
 
 
-Quaternion = tuple[float, float, float, float]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Tick = Annotated[int, Field(ge=0, le=2**53)]
-
-AnyRecord = TypeVar("AnyRecord")
-Fields = ParamSpec("Fields")
-
-
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class RecordType(msgspec.StructMeta):
-    """The type of record classes: frozen structs whose constructor checks all fields, and takes them by name."""
+    """Metaclass of records: frozen structs whose constructor takes all fields by name and checks them."""
 
     def __new__(mcls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> "RecordType":
-        """Make a class of records."""
+        """Create a class of records."""
         return super().__new__(mcls, name, bases, namespace, frozen=True, kw_only=True)
 
-    if not TYPE_CHECKING:  # type checkers know the constructor by the fields
+    if not TYPE_CHECKING:  # type checkers derive the constructor from the fields
 
         def __call__(cls, **fields: Any) -> Any:  # noqa: N805 - of a metaclass
-            """Make a record; positions and the like may be lists and numpy arrays.
+            """Build a record; positions and the like may be lists and numpy arrays.
 
             Raises:
-                TypeError: a keyword that there is not, with the nearest that there is.
+                TypeError: an unknown keyword; the error names the nearest field.
                 ValueError: a field is missing, of the wrong type, or out of its limits.
             """
             unknown = next((name for name in fields if name not in cls.__struct_fields__), None)
@@ -146,14 +131,14 @@ class RecordType(msgspec.StructMeta):
 
 def _describe_unknown_keyword(record: type[msgspec.Struct], keyword: str) -> str:
     known = record.__struct_fields__
-    # A name without its unit or frame is much shorter: what begins like it is nearer than what sounds like it.
+    # A name without its unit or frame is much shorter: the same beginning is a better sign than a similar spelling.
     begun = [name for name in known if name.startswith(keyword.split("_", maxsplit=1)[0])]
     near = difflib.get_close_matches(keyword, begun, n=1, cutoff=0.0) or difflib.get_close_matches(keyword, known, n=1)
     remedy = f"Did you mean {near[0]}?" if near else f"There are {', '.join(known)}."
     return f"{record.__name__}: expected one of its fields, was the keyword '{keyword}'. {remedy}"
 
 
-# What numpy and lists give, as messages have it: tuples of Python's numbers.
+# Convert numpy values and lists to the types of messages: tuples of Python's numbers.
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return _from_numpy(cast(Any, value).tolist())
@@ -165,7 +150,7 @@ def _from_numpy(value: Any) -> Any:
 def build_unchecked_constructor(record: Callable[Fields, AnyRecord]) -> Callable[Fields, AnyRecord]:
     """Return the constructor of a record without its checks, at a tenth of the cost.
 
-    For who makes records at every tick of values whose types are known: reals are floats, not whole numbers or numpy's.
+    For records that are built at every tick from values of known types: reals are floats, not whole numbers or numpy's.
     """
     return partial(msgspec.StructMeta.__call__, cast(Any, record))
 
@@ -179,21 +164,12 @@ class Record(msgspec.Struct, metaclass=RecordType):
         return self
 
     def check_together(self) -> None:
-        """Raise ValueError where fields do not go together; each field has been checked."""
+        """Raise ValueError where fields are inconsistent; each field has been checked by itself."""
 
     @classmethod
     def json_schema_extra(cls) -> dict[str, JsonValue]:
-        """Return words of JSON Schema that stand beside the fields."""
+        """Return keywords of JSON Schema that stand beside the fields."""
         return {}
-
-    @classmethod
-    def model_validate(cls, fields: object) -> Self:
-        """Return the record with these fields.
-
-        Raises:
-            pydantic.ValidationError: a field is missing, of the wrong type, or out of its limits.
-        """
-        return validate_fields(cls, fields)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self:
         """Return the record with some fields replaced, which are not checked."""
@@ -218,8 +194,17 @@ class Record(msgspec.Struct, metaclass=RecordType):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Tell pydantic how a record is checked that is part of something else."""
-        return build_core_schema(cls, handler)
+        """Return pydantic's schema for a record that is part of another; an existing record passes unchecked."""
+        build = _build_constructor(cls)
+
+        def validate(value: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
+            return value if type(value) is cls else build(check(value))
+
+        model = get_pydantic_model(cls)
+        return core_schema.json_or_python_schema(
+            json_schema=core_schema.no_info_after_validator_function(build, handler(model)),
+            python_schema=core_schema.no_info_wrap_validator_function(validate, handler(model)),
+        )
 
 
 class Message(Record):
@@ -256,14 +241,6 @@ def _to_plain(value: Any, **excluded: bool) -> Any:
     return value
 
 
-DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
-MAX_DIMENSIONS = 8
-_DTYPES_BY_NAME = {name: np.dtype(code) for name, code in DTYPES.items()}
-_NAMES_BY_DTYPE = {dtype: name for name, dtype in _DTYPES_BY_NAME.items()}
-# Products of longer ones may run in several threads.
-_SHORT_ARRAY_BYTES = 4096
-
-
 def _check_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     if len(shape) > MAX_DIMENSIONS:
         raise ValueError(f"expected at most {MAX_DIMENSIONS} dimensions, was {len(shape)}")
@@ -274,7 +251,7 @@ def _check_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def _check_data(data: bytes, info: ValidationInfo) -> bytes:
     name, shape = info.data.get("dtype"), info.data.get("shape")
-    if name is None or shape is None:  # which is wrong already
+    if name is None or shape is None:  # which is reported already
         return data
     dtype = _DTYPES_BY_NAME[name]
     # With Python's own integers: numpy's wrap around, and a hostile shape would pass for an empty one.
@@ -286,7 +263,7 @@ def _check_data(data: bytes, info: ValidationInfo) -> bytes:
     return data
 
 
-# One product takes a fraction of the time of asking each number; where the squares overflow, each is asked.
+# One dot product takes a fraction of the time of testing each number; where the squares overflow, each is tested.
 def _are_finite(values: NDArray[np.floating]) -> bool:
     is_sure = len(values) <= _SHORT_ARRAY_BYTES and math.isfinite(np.vdot(values, values))
     return is_sure or bool(np.isfinite(values).all())
@@ -304,7 +281,7 @@ class NumericArray(Record):
         """Copy a numpy array of one of the five dtypes into a message field."""
         name = _NAMES_BY_DTYPE.get(array.dtype) or array.dtype.name
         if name not in DTYPES or (array.dtype.kind == "f" and not _are_finite(array.ravel())):
-            return cls(dtype=cast(Any, name), shape=array.shape, data=array.tobytes())  # which is refused
+            return cls(dtype=cast(Any, name), shape=array.shape, data=array.tobytes())  # and is rejected
         data = array.astype(_DTYPES_BY_NAME[name], copy=False).tobytes()
         return cast(Self, _new_array(dtype=cast(Any, name), shape=array.shape, data=data))
 

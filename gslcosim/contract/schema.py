@@ -1,6 +1,6 @@
-"""JSON Schemas of the contract, its identity as a hash without prose, and the check that both sides speak the same.
+"""JSON Schemas of the contract, their hash without prose, and the check of the contract that the other side states.
 
-`docs/contract-evolution.md` has the rules; decision 0008 says why an agent states its contract in its first command.
+`docs/contract-evolution.md` has the rules; decision 0008 explains why an agent's first command states its contract.
 """
 
 import hashlib
@@ -20,6 +20,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _BYTES = {"type": "string", "contentEncoding": "base64"}
 _PROSE = ("title", "description")
 _LIMITS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+_CONTRACT_PATTERN = re.compile(r"(?P<major>\d{1,6})\.(?P<minor>\d{1,6})(?:\+(?P<hash>[0-9a-f]{32}))?", re.ASCII)
 
 
 def list_message_types() -> tuple[type[Message], ...]:
@@ -29,24 +30,22 @@ def list_message_types() -> tuple[type[Message], ...]:
 
 
 def list_participation_types() -> tuple[type[Message], ...]:
-    """Return the message types between a run and models of a user's own, by name; agents meet none of them."""
-    found = [
-        item for item in vars(participant_messages).values() if isinstance(item, type) and issubclass(item, Message)
-    ]
-    own = (item for item in found if item.__module__ == participant_messages.__name__)
+    """Return the message types between a run and users' own models, by name; no agent receives them."""
+    found = [item for item in vars(participant_messages).values() if isinstance(item, type)]
+    own = [item for item in found if issubclass(item, Message) and item.__module__ == participant_messages.__name__]
     return tuple(sorted((*own, ProbeSamples, SourceRate, WindShare), key=lambda item: item.__name__))
 
 
 def list_published_types() -> tuple[type[Message], ...]:
-    """Return all message types that are published, by name."""
+    """Return all published message types, by name."""
     return tuple(sorted((*list_message_types(), *list_participation_types()), key=lambda item: item.__name__))
 
 
 def build_json_schema(message_type: type[Message]) -> dict[str, Any]:
-    """Return the JSON Schema of a message, complete in itself.
+    """Return the self-contained JSON Schema of a message.
 
-    It is open: unknown keys are allowed. Two rules JSON Schema cannot say are left to the reader: a whole number
-    written with a point (`3.0`) is no integer here, and reals are finite.
+    It is open: unknown keys are allowed. Two rules that JSON Schema cannot express are left to the reader: a whole
+    number written with a decimal point (`3.0`) is not an integer here, and reals are finite.
     """
     # pydantic's titles only repeat the names.
     schema = _prune(get_pydantic_model(message_type).model_json_schema(), ("title",))
@@ -58,13 +57,13 @@ def build_json_schema(message_type: type[Message]) -> dict[str, Any]:
 
 @cache
 def get_contract_hash() -> str:
-    """Return the hash of the canonical JSON Schemas; two processes that speak the same contract have the same."""
+    """Return the hash of the canonical JSON Schemas; it is equal in processes with the same contract."""
     return _hash_schemas(list_message_types())
 
 
 @cache
 def get_participation_hash() -> str:
-    """Return the hash of the canonical JSON Schemas of all that a participant may be sent or send."""
+    """Return the hash of the canonical JSON Schemas of all messages that a participant may receive or send."""
     return _hash_schemas(list_published_types())
 
 
@@ -74,8 +73,8 @@ def _hash_schemas(types: tuple[type[Message], ...]) -> str:
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
-# Without what only the recording reads: two that differ in it understand each other, and runs that do not use it keep
-# their digests, which the briefing's hash is part of.
+# Without fields that only the recording reads: contracts that differ in them alone are compatible, and runs that do not
+# use them keep their digests, which the briefing's hash is part of.
 def _build_hashed_schema(item: type[Message]) -> dict[str, Any]:
     schema = get_pydantic_model(item).model_json_schema()
     fields = schema.get("properties", {})
@@ -85,17 +84,15 @@ def _build_hashed_schema(item: type[Message]) -> dict[str, Any]:
     kept = {**schema, "properties": {name: field for name, field in fields.items() if name not in dropped}}
     definitions = kept.pop("$defs")
     needed: dict[str, Any] = {}
-    while missing := {name for name in definitions if name not in needed and _refers_to(name, [kept, needed])}:
+    while missing := {
+        name for name in definitions if name not in needed and f'"#/$defs/{name}"' in json.dumps([kept, needed])
+    }:
         needed |= {name: definitions[name] for name in missing}
     return {**kept, "$defs": needed}
 
 
-def _refers_to(name: str, schema: Any) -> bool:
-    return f'"#/$defs/{name}"' in json.dumps(schema)
-
-
-# pydantic's word for bytes is no standard's, and its versions differ in how they write limits (1 or 1.0). In
-# `properties` and `$defs` a key is a name, which may well be `title`; elsewhere it is a word of JSON Schema.
+# pydantic's format for bytes is not standard, and its versions differ in how they write limits (1 or 1.0). In
+# `properties` and `$defs` a key is a name, which may well be `title`; elsewhere it is a keyword of JSON Schema.
 def _prune(schema: Any, dropped: tuple[str, ...]) -> Any:
     if isinstance(schema, list):
         return [_prune(item, dropped) for item in cast(list[Any], schema)]
@@ -115,31 +112,28 @@ def _prune(schema: Any, dropped: tuple[str, ...]) -> Any:
     return changed
 
 
-_CONTRACT_PATTERN = re.compile(r"(?P<major>\d{1,6})\.(?P<minor>\d{1,6})(?:\+(?P<hash>[0-9a-f]{32}))?", re.ASCII)
-
-
 class ContractVersionError(ContractError):
-    """An agent was made for another major version of the contract; its author builds it again for this one."""
+    """An agent was made for another major version of the contract; its author has to build it again for this one."""
 
 
 def format_own_contract() -> str:
-    """Return what this code speaks, as an agent may state it: version and hash."""
+    """Return the contract of this code as an agent may state it: version and hash."""
     return f"{CONTRACT_VERSION}+{get_contract_hash()}"
 
 
-def check_contract(told: str) -> None:
-    """Check what the other side says it speaks.
+def check_contract(stated: str) -> None:
+    """Check the contract that the other side states.
 
-    Another minor version is fine in both directions: later fields are ignored or have defaults.
+    Another minor version is compatible in both directions: later fields are ignored or have defaults.
 
     Args:
-        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        stated: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
 
     Raises:
-        ContractVersionError: the major version is another one; nothing the other side says can be trusted.
+        ContractVersionError: the major version is another one; no message of the other side can be trusted.
         ContractError: not of that form, or the same version with another hash; the messages may still fit.
     """
-    found = check_version(told, CONTRACT_VERSION)
+    found = check_version(stated, CONTRACT_VERSION)
     minor = CONTRACT_VERSION.split(".")[1]
     is_same = int(found["minor"]) == int(minor)
     if is_same and found["hash"] is not None and found["hash"] != get_contract_hash():
@@ -149,24 +143,24 @@ def check_contract(told: str) -> None:
         )
 
 
-def check_version(told: str, spoken: str) -> re.Match[str]:
-    """Check the version in what the other side says it speaks, and return its parts: `major`, `minor`, `hash`.
+def check_version(stated: str, own: str) -> re.Match[str]:
+    """Check the version that the other side states; return its parts: `major`, `minor`, `hash`.
 
     Args:
-        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
-        spoken: The version of this side.
+        stated: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        own: The version of this side.
 
     Raises:
         ContractVersionError: the major version is another one.
         ContractError: not of that form.
     """
-    found = _CONTRACT_PATTERN.fullmatch(told)
+    found = _CONTRACT_PATTERN.fullmatch(stated)
     if found is None:
-        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {told[:60]!r}.")
-    major = spoken.split(".")[0]
+        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {stated[:60]!r}.")
+    major = own.split(".")[0]
     if int(found["major"]) != int(major):
         raise ContractVersionError(
-            f"contract: expected major version {major} (this run speaks {spoken}), was "
+            f"contract: expected major version {major} (this run speaks {own}), was "
             f"{found['major']}.{found['minor']}. Build the agent with the contract of this gslcosim: "
             "`gslcosim schema export` writes it."
         )

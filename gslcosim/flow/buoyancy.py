@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import FlowError
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.flow.domain import Domain
-from gslcosim.flow.patches import Outlet, Patch, PlacedPatch, place_patch
+from gslcosim.flow.patches import Outlet, Patch, place_patch
 from gslcosim.flow.pressure import F32, HIGH, LOW, padded
 from gslcosim.flow.turbulence import KEpsilon, TurbulenceModel, Velocity, transport_scalar
 
@@ -32,9 +32,10 @@ TURBULENT_SCHMIDT = 0.7
 # Of a top-hat plume: Morton, Taylor and Turner 1956 and later measurements, 0.09 to 0.13.
 ENTRAINMENT = 0.1
 _STRIPS = 12  # of a hole, over its height
-_BLOCK = 1  # cells to each side that a plume takes air from
+_BLOCK = 1  # cells to each side from which a plume entrains air
 _STEPS_PER_CELL = 16
-# Of the time in which the lightest air of a cell would cross it, and in which a cell's volume is exchanged; chosen.
+# Fraction of the time in which the lightest air of a cell would cross it, and in which a cell's volume is exchanged;
+# chosen.
 _STEP_SHARE = 0.7
 _INNER = (slice(LOW, -HIGH),) * 3
 
@@ -43,7 +44,7 @@ _INNER = (slice(LOW, -HIGH),) * 3
 class FixedWall:
     """A part of the box's boundary where the scalar has a given value, a flat box in the grid's frame [m].
 
-    It gives off by molecular diffusion over half a cell: cells must resolve the layer at the wall.
+    It exchanges the scalar by molecular diffusion over half a cell: cells must resolve the layer at the wall.
     """
 
     min_m: Vec3
@@ -53,12 +54,13 @@ class FixedWall:
 
 @dataclass(frozen=True, kw_only=True)
 class Release:
-    """A source in one cell: scalar times volume per time [unit m3/s], and the volume that comes with it [m3/s].
+    """A source in one cell: scalar times volume per time [unit m3/s], and the volume released with it [m3/s].
 
-    Of a leak both are its volume flow; heat has P / (rho c_p) [K m3/s] and no volume.
+    For a leak both are its volume flow; for heat P / (rho c_p) [K m3/s] without volume.
 
-    With `area_m2`, that of a round opening that points upwards, what is released rises as a plume that is narrower than
-    cells: it takes in air on its way, and is let go where it is three cells wide, no longer light, or at the ceiling.
+    With `area_m2`, that of a round opening that points upwards, the release rises as a plume that is narrower than
+    cells: it entrains air on its way, and is put into cells where it is three cells wide, no longer light, or at the
+    ceiling.
     """
 
     position_m: Vec3
@@ -69,10 +71,10 @@ class Release:
 
 @dataclass(frozen=True, kw_only=True)
 class Orifice:
-    """A hole to still air outside, smaller than a cell: out and in through it by the pressure at each height.
+    """A hole to still air outside, smaller than a cell: flow in both directions by the pressure at each height.
 
     Attributes:
-        centre_m: In the cell that air leaves from and comes into [m].
+        centre_m: In the cell from which air leaves and into which it enters [m].
         height_m: From its lower to its upper edge [m].
         area_m2: Area [m2].
         discharge: Flow over that of Bernoulli without loss.
@@ -94,7 +96,7 @@ class BuoyantScalar:
         turbulent_schmidt: Eddy viscosity over eddy diffusivity.
         density_ratio: Density of the pure gas over that of air, for flow through holes; 1 for heat.
         start: Value at the start.
-        walls: Where the value is fixed.
+        walls: Boundaries with a fixed value.
         releases: Sources.
         orifices: Holes, in a box without inlet and outlet only.
     """
@@ -110,7 +112,7 @@ class BuoyantScalar:
 
     @classmethod
     def of_gas(cls, density_kg_m3: float, diffusivity_m2_s: float, **others: Any) -> Self:
-        """Return that of a gas of given density, as volume fraction: g' = g (1 - rho / rho_air)."""
+        """Return the scalar of a gas of given density, as volume fraction: g' = g (1 - rho / rho_air)."""
         if not 0 < density_kg_m3 < 100:
             raise FlowError(
                 f"density_kg_m3: expected a density of a gas [kg/m3], was {density_kg_m3}; helium has 0.166."
@@ -121,7 +123,7 @@ class BuoyantScalar:
 
     @classmethod
     def of_heat(cls, diffusivity_m2_s: float = HEAT_M2_S, *, air_k: float = AIR_K, **others: Any) -> Self:
-        """Return that of warm air, as temperature above the air's [K]: g' = g / T."""
+        """Return the scalar of warm air, as temperature excess over the air [K]: g' = g / T."""
         return cls(buoyancy_m_s2=GRAVITY_M_S2 / air_k, diffusivity_m2_s=diffusivity_m2_s, **others)
 
 
@@ -156,7 +158,7 @@ def stratification(scalar, nu, acceleration_m_s2, cell_m, out):
 
     Args:
         scalar: Padded scalar.
-        nu: Padded viscosity; 0 marks what is not air.
+        nu: Padded viscosity; 0 marks cells that are not air.
         acceleration_m_s2: g' [m/s2].
         cell_m: Edge of a cell [m].
         out: Written: padded N^2.
@@ -190,7 +192,7 @@ def largest_step(scalar, air):
 
 @numba.njit(cache=True, nogil=True)
 def flows_through_holes(head, share, area_m2, density_ratio, net_m3_s, outward_m3_s):
-    """Find the pressure at which holes let out as much as is released, and the flow through each strip of them.
+    """Find the pressure at which the outflow through holes equals the release, and the flow through each strip of them.
 
     u = sqrt(2 |p0 + head| / rho*),   sum of A u = net,   rho* the density of what flows over that of air
     [m/s] = [m2/s2]^(1/2)
@@ -200,7 +202,7 @@ def flows_through_holes(head, share, area_m2, density_ratio, net_m3_s, outward_m
         share: (n,) volume fraction of the gas inside, at each strip.
         area_m2: (n,) area of each strip times its discharge coefficient [m2].
         density_ratio: Density of the pure gas over that of air.
-        net_m3_s: What must leave on balance [m3/s].
+        net_m3_s: Net outflow [m3/s].
         outward_m3_s: Written: (n,) flow through each strip, above 0 outwards [m3/s].
 
     Source: Bernoulli with hydrostatic pressure; Linden 1999, doi:10.1146/annurev.fluid.31.1.201, section 2.
@@ -239,7 +241,7 @@ def rise_of_plume(ambient, first_m, cell_m, volume, scalar, momentum, accelerati
         momentum: M at the source [m4/s2].
         acceleration_m_s2: g' [m/s2].
         widest_m: Width at which it ends [m].
-        entrained: Written: (n,) volume taken in from each layer [m3/s].
+        entrained: Written: (n,) volume entrained from each layer [m3/s].
 
     Returns:
         (index of the layer where it ends, its volume [m3/s] and scalar flux [unit m3/s] there).
@@ -292,7 +294,7 @@ class _Plume:
         self.outlet = np.zeros_like(self._air)
         self.scalar_m3_s = 0.0
 
-    # Find how it rises in the scalar as it is: `intake` and `outlet` are volumes of the block's cells per second.
+    # Find the rise in the present scalar: `intake` and `outlet` are volumes of the block's cells per second.
     def rise(self, values: F32, acceleration_m_s2: float, share: float) -> None:
         release = self.release
         volume = share * release.volume_m3_s
@@ -311,7 +313,7 @@ class _Plume:
         self.intake[:] = self._air * (self._entrained / self._n_air).astype(np.float32)
         self.outlet[..., top] = self._air[..., top] * np.float32(volume / self._n_air[top])
 
-    # Take the scalar of what is drawn in out of `new`, and let it go at the end, with that of the source.
+    # Remove the entrained scalar from `new`, and release it at the end, with that of the source.
     def carry(self, old: F32, new: F32, dt_s: float) -> None:
         per_volume = np.float32(dt_s / self._cell_m**3)
         taken = self.intake * old[self._block]
@@ -330,7 +332,7 @@ class _Plume:
 
 
 class Buoyancy:
-    """State of a buoyant scalar in a domain: its values, what flows through its holes, and its effect on the wind."""
+    """State of a buoyant scalar in a domain: its values, the flow through its holes, and its effect on the wind."""
 
     def __init__(self, domain: Domain, scalar: BuoyantScalar) -> None:
         """Place walls, releases and holes on the grid."""
@@ -341,17 +343,20 @@ class Buoyancy:
         self._next = padded(domain.shape)
         self._stratification = padded(domain.shape)
         free = domain.air[_INNER]
-        self._walls = [_place_wall(wall, free, domain.cell_m) for wall in scalar.walls]
+        self._walls = [
+            place_patch(Patch(min_m=wall.min_m, max_m=wall.max_m), free, domain.cell_m) for wall in scalar.walls
+        ]
         placed = [(_cell_of(r.position_m, domain, "release"), r) for r in scalar.releases]
         self._releases = [(cell, release) for cell, release in placed if release.area_m2 is None]
         self._plumes = [_Plume(r, r.area_m2, cell, domain) for cell, r in placed if r.area_m2 is not None]
         self._holes = [(_cell_of(o.centre_m, domain, "orifice"), o) for o in scalar.orifices]
         self.released_m3_s = sum(r.volume_m3_s for r in scalar.releases)
         _check_exits(domain, scalar, self.released_m3_s)
-        self._lay_out_strips()
+        heights = (np.arange(_STRIPS) + 0.5) / _STRIPS - 0.5
+        self._strip_z_m = np.array([o.centre_m[2] + o.height_m * heights for o in scalar.orifices]).reshape(-1)
+        self._strip_area_m2 = np.repeat([o.discharge * o.area_m2 / _STRIPS for o in scalar.orifices], _STRIPS)
         self.inflow_m3_s = np.zeros(len(self._holes))
         self.outflow_m3_s = np.zeros(len(self._holes))
-        self._is_emitting = np.zeros(len(self._releases))
         # Scalar times volume that has left through holes [unit m3].
         self.escaped_m3 = 0.0
         self.set_releasing(is_on=True)
@@ -359,7 +364,7 @@ class Buoyancy:
 
     @property
     def speed_m_s(self) -> float:
-        """Return the scale of speeds that it drives [m/s]: (g' ds H)^(1/2) of walls, (g' Q / H)^(1/3) of releases."""
+        """Return the scale of the driven speeds [m/s]: (g' ds H)^(1/2) of walls, (g' Q / H)^(1/3) of releases."""
         scalar, height_m = self.scalar, self._domain.shape[2] * self._domain.cell_m
         values = [scalar.start, 0.0, *(wall.value for wall in scalar.walls)]
         released = abs(scalar.buoyancy_m_s2 * sum(r.scalar_m3_s for r in scalar.releases))
@@ -371,8 +376,8 @@ class Buoyancy:
         scalar, cell_m = self.scalar, self._domain.cell_m
         pull_m_s2 = abs(scalar.buoyancy_m_s2) * float(largest_step(self.values, self._domain.air))
         limits = [_STEP_SHARE * (cell_m / pull_m_s2) ** 0.5] if pull_m_s2 > 0 else []
-        for on, (_, release) in zip(self._is_emitting, self._releases):
-            pull_m4_s3 = on * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
+        for _, release in self._releases:
+            pull_m4_s3 = self._emission * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
             limits += [(cell_m**4 / pull_m4_s3) ** (1 / 3)] if pull_m4_s3 > 0 else []
         flows = [float(flow) for flow in (*self.outflow_m3_s, *self.inflow_m3_s)]
         flows += [plume.largest_m3_s for plume in self._plumes]
@@ -381,7 +386,7 @@ class Buoyancy:
 
     def set_releasing(self, *, is_on: bool) -> None:
         """Open or shut all releases; from the next step on."""
-        self._wanted = float(is_on)
+        self._next_emission = float(is_on)
 
     def column_mean(self) -> NDArray[np.float64]:
         """Return the mean of the scalar over the air at each height, (nz,)."""
@@ -399,18 +404,18 @@ class Buoyancy:
             self.values, *velocity, model.nu, model.nu_m2_s, scalar.diffusivity_m2_s, sigma, dt_s, cell_m, new
         )
         volume_m3 = cell_m**3
-        for on, (cell, release) in zip(self._is_emitting, self._releases):
-            new[cell] += np.float32(on * dt_s * release.scalar_m3_s / volume_m3)
+        for cell, release in self._releases:
+            new[cell] += np.float32(self._emission * dt_s * release.scalar_m3_s / volume_m3)
         for plume in self._plumes:
             plume.carry(self.values, new, dt_s)
         for outward, (cell, _) in zip(self.outflow_m3_s, self._holes):
-            share = min(dt_s * outward / volume_m3, 1.0)
-            new[cell] -= np.float32(share) * self.values[cell]
-            self.escaped_m3 += share * volume_m3 * float(self.values[cell])
-        for (placed, layer), wall in zip(self._walls, scalar.walls):
-            share = np.float32(2 * scalar.diffusivity_m2_s * dt_s / cell_m**2)
-            here = placed.layer(layer)
-            new[here] += share * (np.float32(wall.value) - self.values[here]) * domain.air[here]
+            fraction = min(dt_s * outward / volume_m3, 1.0)
+            new[cell] -= np.float32(fraction) * self.values[cell]
+            self.escaped_m3 += fraction * volume_m3 * float(self.values[cell])
+        for placed, wall in zip(self._walls, scalar.walls):
+            fraction = np.float32(2 * scalar.diffusivity_m2_s * dt_s / cell_m**2)
+            here = placed.layer(placed.inside)
+            new[here] += fraction * (np.float32(wall.value) - self.values[here]) * domain.air[here]
         new[~domain.air] = 0
         self.values, self._next = new, self.values
         self._find_flows()
@@ -422,38 +427,27 @@ class Buoyancy:
         """Add the buoyancy of one Runge-Kutta stage to the padded z-velocities [m/s], in place."""
         push_by_buoyancy(self.values, self._domain.coefficients[2], self.scalar.buoyancy_m_s2, dt_s, stage_weight, w)
 
-    # What enters the box brings none, what leaves takes what is inside.
+    # Entering air is without the scalar, leaving air has the value inside.
     def _fill_padding(self, velocity: Velocity) -> None:
         for placed in self._domain.outlets:
-            n = self._domain.shape[placed.axis]
-            face = LOW + n if placed.is_high else LOW
-            inside = face - 1 if placed.is_high else face
-            normal = velocity[placed.axis][placed.layer(slice(face, face + 1))]
+            normal = velocity[placed.axis][placed.layer(slice(placed.face, placed.face + 1))]
             leaves = normal > 0 if placed.is_high else normal < 0
-            outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-            self.values[placed.layer(outside)] = np.where(
-                leaves, self.values[placed.layer(slice(inside, inside + 1))], 0
-            )
-
-    def _lay_out_strips(self) -> None:
-        shares = (np.arange(_STRIPS) + 0.5) / _STRIPS - 0.5
-        holes = [hole for _, hole in self._holes]
-        self._strip_z_m = np.array([hole.centre_m[2] + hole.height_m * shares for hole in holes]).reshape(-1)
-        self._strip_area_m2 = np.repeat([hole.discharge * hole.area_m2 / _STRIPS for hole in holes], _STRIPS)
+            within = self.values[placed.layer(slice(placed.inside, placed.inside + 1))]
+            self.values[placed.layer(placed.outside)] = np.where(leaves, within, 0)
 
     # Volume that enters and leaves cells from now on: by releases, and by holes from the pressure inside.
     def _find_flows(self) -> None:
-        self._is_emitting[:] = self._wanted
+        self._emission = self._next_emission
         if not self._holes and not self.released_m3_s:
             return
         cell_m = self._domain.cell_m
         if self.source_m_s is None:
             self.source_m_s = padded(self._domain.shape)
         self.source_m_s[:] = 0
-        for on, (cell, release) in zip(self._is_emitting, self._releases):
-            self.source_m_s[cell] += np.float32(on * release.volume_m3_s / cell_m**2)
+        for cell, release in self._releases:
+            self.source_m_s[cell] += np.float32(self._emission * release.volume_m3_s / cell_m**2)
         for plume in self._plumes:
-            plume.rise(self.values, self.scalar.buoyancy_m_s2, self._wanted)
+            plume.rise(self.values, self.scalar.buoyancy_m_s2, self._emission)
             plume.add_volume(self.source_m_s)
         if not self._holes:
             return
@@ -465,7 +459,7 @@ class Buoyancy:
         )
         outward = np.empty_like(self._strip_z_m)
         share = np.interp(self._strip_z_m, z_m, column)
-        net_m3_s = self._wanted * self.released_m3_s
+        net_m3_s = self._emission * self.released_m3_s
         flows_through_holes(
             np.interp(self._strip_z_m, z_m, head), share, self._strip_area_m2, self.scalar.density_ratio, net_m3_s,
             outward,
@@ -475,11 +469,6 @@ class Buoyancy:
         self.inflow_m3_s = np.maximum(-strips, 0).sum(axis=1)
         for net, (cell, _) in zip(strips.sum(axis=1), self._holes):
             self.source_m_s[cell] -= np.float32(net / cell_m**2)
-
-
-def _place_wall(wall: FixedWall, free: NDArray[np.bool_], cell_m: float) -> tuple[PlacedPatch, int]:
-    placed = place_patch(Patch(min_m=wall.min_m, max_m=wall.max_m), free, cell_m)
-    return placed, LOW + free.shape[placed.axis] - 1 if placed.is_high else LOW
 
 
 def _cell_of(position_m: Vec3, domain: Domain, name: str) -> tuple[int, int, int]:

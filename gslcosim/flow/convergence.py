@@ -13,6 +13,16 @@ from gslcosim.flow.pressure import F32, HIGH, LOW
 from gslcosim.flow.solver import FlowSolver, StepRecord
 from gslcosim.flow.turbulence import Velocity, still_velocity
 
+MAX_FRAMES_BYTES = 8e9  # chosen: fits beside the solver into 16 GB
+_FRAME_BYTES_PER_CELL = 12
+# In the empty 15 x 15 x 8 m warehouse the means of successive windows (75 s) keep differing by a fifth to a quarter,
+# because the largest eddies live for minutes, while the energy stays within a twentieth.
+WIND_TOLERANCE_FRAC = 0.25
+ENERGY_TOLERANCE_FRAC = 0.05
+# Fraction of a window during which a flow from larger cells adapts before it is averaged; chosen.
+ADAPTATION_FRAC = 0.125
+_BOX = (slice(LOW, -HIGH),) * 3
+
 
 class FieldMean:
     """A running mean of face velocities over time."""
@@ -22,7 +32,7 @@ class FieldMean:
         self.duration_s = 0.0
 
     def add(self, velocity: Velocity, duration_s: float) -> None:
-        """Take in padded face velocities [m/s] that lasted for a time [s]."""
+        """Add padded face velocities [m/s] that lasted for a time [s]."""
         self.duration_s += duration_s
         weight = np.float32(duration_s / self.duration_s)
         for mean, now in zip(self.velocity, velocity):
@@ -30,7 +40,7 @@ class FieldMean:
 
 
 class MeanRecorder:
-    """Averages the flow from a time on."""
+    """Averages the flow from a given time on."""
 
     def __init__(self, domain: Domain, from_s: float) -> None:
         self._from_s = from_s
@@ -46,20 +56,16 @@ class MeanRecorder:
         return self._mean.velocity
 
     def see(self, solver: FlowSolver, record: StepRecord) -> None:
-        """Take in a step."""
+        """Add a step."""
         if record.time_s > self._from_s:
             self._mean.add(solver.velocity, record.dt_s)
 
 
-MAX_FRAMES_BYTES = 8e9  # chosen: fits beside the solver into 16 GB
-_FRAME_BYTES_PER_CELL = 12
-
-
 class FrameRecorder:
-    """Keeps the velocities at cell centres at given times, each made divergence-free before."""
+    """Stores the velocities at cell centres at given times, each projected to be divergence-free."""
 
     def __init__(self, domain: Domain, *, save_every_s: float, save_from_s: float, end_s: float) -> None:
-        """Make room for all frames up to the end.
+        """Allocate all frames up to the end.
 
         Args:
             save_every_s: Time between frames [s].
@@ -92,7 +98,7 @@ class FrameRecorder:
         return self._frames_m_s[: self._n_kept]
 
     def start(self, solver: FlowSolver) -> None:
-        """Keep the field before the first step, if it is asked for."""
+        """Keep the field before the first step, if it is due."""
         self._keep_if_due(solver, solver.time_s)
 
     def see(self, solver: FlowSolver, record: StepRecord) -> None:
@@ -113,16 +119,6 @@ def _check_memory(n_frames: int, domain: Domain) -> None:
             f"{n_bytes / 1e9:,.1f} GB of memory, expected at most {MAX_FRAMES_BYTES / 1e9:g} GB. "
             f"Save less often, from later on (save_from_s), or use larger cells."
         )
-
-
-# In the empty 15 x 15 x 8 m warehouse the means of successive windows (75 s) go on differing by a fifth to a quarter,
-# because the largest eddies live for minutes, while the energy keeps within a twentieth.
-WIND_TOLERANCE_FRAC = 0.25
-ENERGY_TOLERANCE_FRAC = 0.05
-# The share of a window for which a flow from larger cells adapts before it is averaged; chosen.
-ADAPTATION_FRAC = 0.125
-
-_BOX = (slice(LOW, -HIGH),) * 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,17 +142,17 @@ class WindowCheck:
 
 @dataclass(frozen=True, kw_only=True)
 class ConvergenceResult:
-    """Result of the convergence check: whether the statistics of a flow settled, when, and on what numbers.
+    """Result of the convergence check of a flow's statistics, with its figures.
 
     Attributes:
-        has_settled: Whether they did before the time was up.
+        has_settled: The statistics settled before the time limit.
         average_from_s: Start of the mean that is returned [s].
         average_until_s: Its end, also that of the run [s].
-        window_s: The window it began with [s].
+        window_s: Length of the first window [s].
         tolerance_frac: Largest change of the mean wind from window to window that counts as settled;
             that of the energy is `ENERGY_TOLERANCE_FRAC`.
-        checks: Every pair of windows compared, in order; the last one decided.
-        coarse_start_s: How long the flow developed on cells of twice the size before [s]; 0: it began with still air.
+        checks: All comparisons of windows, in order; the last one decided.
+        coarse_start_s: Time of development on cells of twice the size before [s]; 0: the start was still air.
     """
 
     has_settled: bool
@@ -169,12 +165,12 @@ class ConvergenceResult:
 
     @property
     def uncertainty_frac(self) -> float | None:
-        """Return the standard error of the mean wind, over its speed, as the last two windows show it.
+        """Return the standard error of the mean wind, over its speed, estimated from the last two windows.
 
         s / sqrt(T),  s^2 = change^2 / (1 / T1 + 1 / T2)        T averaged, T1 and T2 the windows' lengths [s]
 
-        As if windows were independent of each other: what changes more slowly than they last is not in it. Nothing
-        where no two windows were compared.
+        Windows are treated as independent: changes slower than a window are not included. None without a comparison of
+        two windows.
         """
         if not self.checks:
             return None
@@ -183,11 +179,11 @@ class ConvergenceResult:
         return last.change_frac / math.sqrt((self.average_until_s - self.average_from_s) * per_s)
 
     def summary(self) -> dict[str, Any]:
-        """Return it as plain values, the uncertainty with them."""
+        """Return the result as plain values, including the uncertainty."""
         return {**asdict(self), "uncertainty_frac": self.uncertainty_frac}
 
     def __str__(self) -> str:
-        """Say it in a sentence."""
+        """Return the result as a sentence."""
         mean = f"mean from {self.average_from_s:.1f} to {self.average_until_s:.1f} s"
         if self.coarse_start_s:
             mean += f" after {self.coarse_start_s:.1f} s on cells of twice the size"
@@ -204,14 +200,14 @@ class ConvergenceResult:
 
 
 def settling_window_s(domain: Domain) -> float:
-    """Return how long a window the flow's statistics need: the time the inlets' momentum takes to turn the room over.
+    """Return the window that the flow's statistics need: the time in which the inlets' momentum turns the room over.
 
     t = V^(2/3) / sqrt(M),  M = sum Q_i U_i      at least L / U (longest side), at most V / Q (one change of air)
     [s] = [m2] / [m2/s]
 
     A jet of momentum flux M drives a room of cross-section A = V^(2/3) at about sqrt(M / A), and A^(1/2) over that
-    speed is t. In a duct that the air fills it is the time to flow through. Our derivation; the longest period of
-    repeating inlets is filled up to a whole number.
+    speed is t. In a duct without other air it is the flow-through time. Our derivation; with repeating inlets the
+    window is rounded up to a whole number of the longest period.
     """
     volume_m3 = domain.n_air * domain.cell_m**3
     flows_m3_s, momentum_m4_s2 = [0.0], 0.0
@@ -247,21 +243,21 @@ class _Window:
 class ConvergenceMonitor:
     """Compares the flow window by window until its statistics have settled.
 
-    Two windows agree when neither the mean wind nor the mean kinetic energy changes by more than its tolerance. Where
-    the energy agrees but the wind does not, the flow fluctuates too slowly for the window: the two become one and the
-    next is as long as both. While the energy still changes, the flow is starting up and the older window is dropped;
-    from the first time that it agrees, the flow `has_developed`.
+    Two windows agree when neither the mean wind nor the mean kinetic energy changes by more than its tolerance. If the
+    energy agrees but the wind does not, the flow fluctuates too slowly for the window: the two are merged and the next
+    is as long as both. While the energy still changes, the flow is starting up and the older window is dropped; from
+    the first agreement of the energy on, the flow `has_developed`.
     """
 
     def __init__(
         self, domain: Domain, *, tolerance_frac: float, coarse_start_s: float = 0.0, max_time_s: float = math.inf
     ) -> None:
-        """Begin to watch a flow at its time 0.
+        """Start to monitor a flow at its time 0.
 
         Args:
             tolerance_frac: Largest change of the mean wind that counts as settled.
-            coarse_start_s: How long the flow has developed before, on cells of twice the size [s].
-            max_time_s: When it will be given up [s]; a flow that has developed gets windows that fit in twice.
+            coarse_start_s: Time of development before, on cells of twice the size [s].
+            max_time_s: Time limit of the solve [s]; for a developed flow two windows fit into it.
         """
         self._domain = domain
         self._tolerance_frac = tolerance_frac
@@ -284,18 +280,18 @@ class ConvergenceMonitor:
         return start_s if time_s < start_s else start_s + self._length_s
 
     def see(self, solver: FlowSolver, record: StepRecord) -> None:
-        """Take in a step, and compare windows when one is over."""
+        """Add a step, and compare windows at the end of one."""
         if record.time_s <= self._current.start_s:
             return
         self._current.add(solver.velocity, record.dt_s, record.kinetic_energy_m2_s2)
-        # The last window may end at the limit, to the last digits of its sum.
+        # The last window may end at the limit, up to rounding errors of its sum.
         if record.time_s >= (self._current.start_s + self._length_s) * (1 - 1e-12):
             self._close(record.time_s)
 
     def result(self) -> tuple[Velocity, ConvergenceResult]:
-        """Return the mean over the last two windows, padded face velocities [m/s], and how it came about.
+        """Return the mean over the last two windows, padded face velocities [m/s], and the result of the check.
 
-        A first window that was compared with no other is the start-up: it does not count where there is a second one.
+        A first window without a comparison is the start-up: it is left out if there is a second one.
         """
         window = self._current
         is_start_up = not self._checks and window.mean.duration_s > 0 and not self._coarse_start_s

@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Domain of the solver: open faces, boundary conditions, ghost faces in obstacles, and edges past which air sweeps."""
+"""Domain of the solver: open faces, boundary conditions, ghost faces in obstacles, and lips of obstacles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +14,9 @@ from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, PlacedPatch,
 from gslcosim.flow.pressure import F32, HIGH, LOW
 
 Int = NDArray[np.int64]
+MAX_CELLS = 200_000_000
+BYTES_PER_CELL = 130  # of the solver's arrays, including padding and multigrid levels; measured by the benchmark
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,11 +89,11 @@ def carry_past_edges(velocity, carrier, near, behind, through, target, away, inw
 
     Air that flows along a face towards a gap carries its momentum along the face past the lip. On the staggered grid
     the half of it that arrives beside the wall would enter the control volume of a closed face and be lost: the jet
-    behind the gap is then too wide and too slow. Where it points away from the wall, which cannot take it up, it goes
-    to the next face. What points at the wall is taken up by the wall.
+    behind the gap would be too wide and too slow. Momentum away from the wall, which the wall cannot absorb, goes to
+    the next face; momentum towards the wall is absorbed by the wall.
 
-    In homes with doors five cells wide the wind after 5 s then differs from pimpleFoam's by 0.17 instead of 0.19 and
-    from that on half the cells by 0.13 instead of 0.15 (relative root mean square).
+    In homes with doors five cells wide the wind after 5 s differs from pimpleFoam's by 0.17 instead of 0.19, and on
+    half the cells by 0.13 instead of 0.15 (relative root mean square).
 
     Args:
         velocity: Flat padded velocities of the component at the start of the stage [m/s].
@@ -132,7 +135,7 @@ def flood(air, reached, seeds, stride_x, stride_y):
         stride_y: Same for y-neighbours; z-neighbours are adjacent.
 
     Held by:
-        tests/unit/flow/test_domain.py (a sealed chamber stays out)
+        tests/unit/flow/test_domain.py (a sealed chamber is left out)
     """
     queue = np.empty(np.count_nonzero(air) + 1, np.int64)
     head, tail = 0, 0
@@ -193,19 +196,13 @@ def _ghosts_of(axis: int, solid: NDArray[np.bool_], is_open: NDArray[np.bool_]) 
     return GhostFaces(faces=unique, starts=starts, sources=all_sources[order])
 
 
-MAX_CELLS = 200_000_000
-BYTES_PER_CELL = 130  # of the solver's arrays, padding and multigrid levels included; measured by the benchmark
-
-Bool = NDArray[np.bool_]
-
-
 @dataclass(frozen=True, kw_only=True)
 class WallFriction:
     """Cells that touch a wall, and for each velocity component the half faces that walls slow down.
 
-    `cells`: (n,) flat padded index of each wall cell; `velocity_m_s`: (n, 3) of its wall (mean of its wall faces).
-    Per component, `faces`: (m,) flat padded index of the face; `owners`: (m,) which wall cell acts on it, as index
-    into `cells`; `wall_speed_m_s`: (m,) of that wall along the component.
+    `cells`: (n,) flat padded index of each wall cell; `velocity_m_s`: (n, 3) of its wall (mean of its wall faces). Per
+    component, `faces`: (m,) flat padded index of the face; `owners`: (m,) the wall cell that acts on it, as index into
+    `cells`; `wall_speed_m_s`: (m,) of that wall along the component.
     """
 
     cells: NDArray[np.int64]
@@ -217,7 +214,7 @@ class WallFriction:
 
 @dataclass(frozen=True, kw_only=True)
 class Domain:
-    """A box of cells with its boundary conditions, ready for the solver; see `build_domain`."""
+    """A box of cells with its boundary conditions, ready for the solver; built by `build_domain`."""
 
     shape: tuple[int, int, int]
     cell_m: float
@@ -252,12 +249,12 @@ class Domain:
 def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_openings: bool = True) -> Domain:
     """Check the geometry and its boundary conditions and lay them out on the staggered grid.
 
-    Air that no outlet can be reached from is treated as solid: nothing drives it.
+    Air without a path to an outlet is treated as solid: nothing drives it.
 
     Args:
         free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
         cell_m: Edge of the cubic cells [m].
-        patches: What is on the boundary of the box; walls elsewhere.
+        patches: Patches on the boundary of the box; walls elsewhere.
         needs_openings: Refuse a box without inlet and outlet; otherwise only inlets without an outlet are refused.
     """
     check_grid(free, cell_m)
@@ -266,10 +263,13 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
     check_kinds(placed, needs_openings=needs_openings)
     check_overlap(placed, shape)
     is_closed = not any(isinstance(p.patch, Outlet) for p in placed)
-    padded_air = np.zeros(padded_shape(shape), np.bool_)
+    padded_air = np.zeros(tuple(n + LOW + HIGH for n in shape), np.bool_)
     padded_air[tuple(slice(LOW, LOW + n) for n in shape)] = free
     n_free = int(np.count_nonzero(free))
-    padded_air = _connected(padded_air, _seeds(placed, padded_air))
+    _, ny, nz = padded_air.shape
+    reached = np.zeros_like(padded_air)
+    flood(padded_air.ravel(), reached.ravel(), _seeds(placed, padded_air), ny * nz, nz)
+    padded_air = reached
     _check_reachable(placed, padded_air)
     coefficients = _face_coefficients(padded_air, placed)
     n_air = int(np.count_nonzero(padded_air))
@@ -288,13 +288,8 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
     )
 
 
-def padded_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the shape of padded arrays for a grid of cells."""
-    return tuple(n + LOW + HIGH for n in shape)
-
-
 def check_grid(free: Bool, cell_m: float) -> None:
-    """Raise FlowError unless the grid is three-dimensional, of a sensible size, and holds air."""
+    """Raise FlowError unless the grid is three-dimensional, of an allowed size, and contains air."""
     if free.ndim != 3:
         raise FlowError(f"free: expected an array of shape (nx, ny, nz), was {free.shape}.")
     if not (np.isfinite(cell_m) and cell_m > 0):
@@ -311,16 +306,11 @@ def check_grid(free: Bool, cell_m: float) -> None:
         raise FlowError("free: expected some air, was solid everywhere.")
 
 
-# Index of the layer of cells inside the box at a patch.
-def _inner(placed: PlacedPatch, n: int) -> int:
-    return LOW + n - 1 if placed.is_high else LOW
-
-
 def _seeds(placed: Sequence[PlacedPatch], air: Bool) -> NDArray[np.int64]:
     seeds = np.zeros(air.shape, np.bool_)
     for p in placed:
         if isinstance(p.patch, Outlet):
-            seeds[p.layer(_inner(p, air.shape[p.axis] - LOW - HIGH))] = True
+            seeds[p.layer(p.inside)] = True
     seeds &= air
     if not seeds.any():
         seeds.ravel()[np.argmax(air)] = True
@@ -329,17 +319,11 @@ def _seeds(placed: Sequence[PlacedPatch], air: Bool) -> NDArray[np.int64]:
 
 def _check_reachable(placed: Sequence[PlacedPatch], air: Bool) -> None:
     for p in placed:
-        if isinstance(p.patch, Inlet) and not air[p.layer(_inner(p, air.shape[p.axis] - LOW - HIGH))].any():
+        if isinstance(p.patch, Inlet) and not air[p.layer(p.inside)].any():
             raise FlowError(
                 f"{p.patch}: no outlet can be reached through the air behind it. "
                 f"Open a way of at least one cell, or use smaller cells."
             )
-
-
-def _connected(air: Bool, seeds: NDArray[np.int64]) -> Bool:
-    reached = np.zeros_like(air)
-    flood(air.ravel(), reached.ravel(), seeds, air.shape[1] * air.shape[2], air.shape[2])
-    return reached
 
 
 def _face_coefficients(air: Bool, placed: Sequence[PlacedPatch]) -> tuple[F32, F32, F32]:
@@ -350,27 +334,24 @@ def _face_coefficients(air: Bool, placed: Sequence[PlacedPatch]) -> tuple[F32, F
         below: list[slice] = [slice(None)] * 3
         above[axis], below[axis] = slice(1, None), slice(None, -1)
         open_faces[tuple(above)] = air[tuple(above)] & air[tuple(below)]
-        n = air.shape[axis] - LOW - HIGH
         for p in placed:
             if p.axis == axis and isinstance(p.patch, Outlet):
-                face = LOW + n if p.is_high else LOW
-                open_faces[p.layer(face)] = 2.0 * air[p.layer(_inner(p, n))]
+                open_faces[p.layer(p.face)] = 2.0 * air[p.layer(p.inside)]
         coefficients.append(open_faces)
     return coefficients[0], coefficients[1], coefficients[2]
 
 
-# For each of the six directions: which cells have a rubbing wall there, and that wall's velocity.
+# For each of the six directions: the cells with a rubbing wall there, and that wall's velocity.
 def _wall_faces(air: Bool, placed: Sequence[PlacedPatch]) -> list[tuple[int, int, Bool, dict[int, F32]]]:
     faces = []
     for axis in range(3):
-        n = air.shape[axis] - LOW - HIGH
         for sign in (-1, 1):
             rubs = air & ~np.roll(air, -sign, axis=axis)
             speeds: dict[int, F32] = {}
             for p in placed:
                 if p.axis != axis or p.is_high != (sign > 0):
                     continue
-                layer = p.layer(_inner(p, n))
+                layer = p.layer(p.inside)
                 if not isinstance(p.patch, MovingWall):
                     rubs[layer] = False
                     continue

@@ -2,8 +2,8 @@
 
 Padding, index order and face coefficients are those of `pressure`: u[i, j, k] is on the low-x face of
 cell (i, j, k), v on the low-y, w on the low-z face; the kinematic viscosity and the pressure are at cell centres.
-The viscosity is zero in everything that is not air, and no viscous flux crosses an edge that touches such a cell:
-friction at walls is added afterwards, see `turbulence`.
+The viscosity is zero in all cells that are not air, and no viscous flux crosses an edge that touches such a cell: wall
+friction is added afterwards, see `turbulence`.
 """
 # pyright: basic
 
@@ -40,7 +40,7 @@ def edge_viscosity(a, b, c, d):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _u_flux_x(u, nu, per_cell, i, j, row):
-    # Flux of u through the centre plane of cell i (between faces i and i + 1): row of k.
+    # Flux of u through the centre plane of cell i (between faces i and i + 1), for a row along k.
     two = np.float32(2)
     half = np.float32(0.5)
     for k in range(LOW, u.shape[2] - HIGH):
@@ -176,7 +176,7 @@ def advance_u(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
         stage_weight: g, 1 for the first stage of Heun's method and 1/2 for the second.
         out: Written on all faces of the box; may be `base`, may not be `u`.
 
-    Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 12, which `solver` sees to.
+    Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 12, ensured by `solver`.
 
     Held by:
         tests/analytic/flow/test_taylor_green.py (order), tests/unit/flow/test_solve.py (mirror images)
@@ -192,7 +192,7 @@ def advance_u(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
     y_high = np.zeros(nz, np.float32)
     z = np.zeros(nz, np.float32)
     rate = np.zeros(nz, np.float32)
-    # The fluxes before the first layer come from the same loop as the others: written out beside it, they keep the
+    # The fluxes before the first layer come from the same loop as the others: as separate code beside it they keep the
     # compiler from vectorising the whole kernel (measured: 3 times the time).
     for i in range(LOW - 1, nx - HIGH + 1):
         _xy_stress(u, v, nu, per_cell, i, LOW, y_low, n_k)
@@ -305,7 +305,7 @@ def survey_speeds(u, v, w, nu):
     speed = np.zeros(nz, np.float32)
     viscosity = np.zeros(nz, np.float32)
     squares = np.zeros(nz, np.float32)
-    total = np.zeros(nz, np.float32)  # a maximum passes over NaN, a sum does not
+    total = np.zeros(nz, np.float32)  # a maximum ignores NaN, a sum does not
     sum_of_squares = 0.0
     for i in range(LOW, nx - HIGH):
         squares[:] = 0

@@ -16,7 +16,9 @@ F64 = NDArray[np.float64]
 
 Profile = Callable[[F64], F64]
 
-_AXES = "xyz"
+AXES = ("x", "y", "z")
+Bool = NDArray[np.bool_]
+Slices = tuple[slice | int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +28,8 @@ class Schedule:
     Attributes:
         times_s: Rising times from the start of the flow [s].
         values: As many numbers (factors of an inlet's velocity), or as many velocities [m/s].
-        is_repeating: Start again after the last time: the value at t is that at `times_s[0]` plus
-            (t - times_s[0]) modulo (times_s[-1] - times_s[0]). Equal first and last values repeat without a jump.
+        is_repeating: Repeat after the last time: the value at t is that at `times_s[0]` plus (t - times_s[0]) modulo
+            (times_s[-1] - times_s[0]). Equal first and last values repeat without a jump.
     """
 
     times_s: Sequence[float]
@@ -53,7 +55,7 @@ class Schedule:
         return np.ndim(self.values) == 2
 
     def at(self, time_s: float) -> F64:
-        """Return the number, as an array without dimensions, or the (3,) velocity [m/s] at a time [s]."""
+        """Return the value at a time [s]: a number, as an array without dimensions, or a (3,) velocity [m/s]."""
         times_s, values = np.asarray(self.times_s, float), np.asarray(self.values, float)
         if self.is_repeating:
             time_s = times_s[0] + (time_s - times_s[0]) % (times_s[-1] - times_s[0])
@@ -69,7 +71,7 @@ InletVelocity = Vec3 | NDArray[Any] | Profile | Schedule
 class Inflow:
     """The velocities on an inlet's cells at any time.
 
-    `profile_m_s` is (na, nb, 3) [m/s]; `factor` multiplies it, or `velocity` takes its place.
+    `profile_m_s` is (na, nb, 3) [m/s]; `factor` multiplies it, or `velocity` replaces it.
     """
 
     profile_m_s: F32
@@ -94,13 +96,13 @@ class Inflow:
 
     @property
     def period_s(self) -> float:
-        """Return after which time it repeats [s], 0 if never."""
+        """Return the period of a repeating inflow [s], 0 if it does not repeat."""
         schedule = self.velocity or self.factor
         return float(schedule.times_s[-1] - schedule.times_s[0]) if schedule and schedule.is_repeating else 0.0
 
     @property
     def steady_from_s(self) -> float:
-        """Return from when on it does not change, or only repeats [s]."""
+        """Return the time from which on it is constant or periodic [s]."""
         schedule = self.velocity or self.factor
         return max(0.0, float(schedule.times_s[-1])) if schedule and not schedule.is_repeating else 0.0
 
@@ -113,10 +115,10 @@ class Inflow:
 
 
 def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, centres_m: F64) -> Inflow:
-    """Lay an inlet's velocity out on its cells.
+    """Lay out an inlet's velocity on its cells.
 
     Args:
-        name: The inlet's, for messages.
+        name: Name of the inlet, for messages.
         velocity, factor: As in `Inlet`.
         centres_m: (na, nb, 3) centres of the patch's boundary faces, grid's frame [m].
     """
@@ -165,13 +167,15 @@ def log_profile(
         velocity_m_s: Wind at the reference height, u_ref [m/s].
         height_m: Reference height, z_ref [m].
         roughness_m: Roughness length, z0 [m]: 0.03 for grass, 0.5 for suburbs.
-        ground_m: Where the ground is [m].
+        ground_m: Height of the ground [m].
         up: Axis of the height: x, y or z.
 
     Source: Richards and Hoxey 1993, doi:10.1016/0167-6105(93)90124-7, equation 5; lengths from Wieringa 1993,
     doi:10.1007/BF00712119.
     """
-    axis = _axis(up)
+    if up not in AXES:
+        raise FlowError(f"axis: expected x, y or z, was {up!r}.")
+    axis = AXES.index(up)
     if not (height_m > 0 and roughness_m > 0):
         raise FlowError(
             f"log_profile: expected height_m and roughness_m above 0 m, were {height_m} m and {roughness_m} m."
@@ -179,16 +183,10 @@ def log_profile(
 
     def profile_m_s(points_m: F64) -> F64:
         height = np.maximum(points_m[:, axis] - ground_m, 0.0)
-        share = np.log1p(height / roughness_m) / np.log1p(height_m / roughness_m)
-        return np.multiply.outer(share, np.asarray(velocity_m_s, float))
+        ratio = np.log1p(height / roughness_m) / np.log1p(height_m / roughness_m)
+        return np.multiply.outer(ratio, np.asarray(velocity_m_s, float))
 
     return profile_m_s
-
-
-def _axis(name: str) -> int:
-    if name not in ("x", "y", "z"):
-        raise FlowError(f"axis: expected x, y or z, was {name!r}.")
-    return _AXES.index(name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +216,7 @@ class Inlet(Patch):
       `log_profile`;
     - a `Schedule` of velocities.
 
-    All but the last are multiplied by `factor`, a `Schedule` of numbers, where there is one.
+    All but the last are multiplied by `factor`, a `Schedule` of numbers, if given.
     `turbulence_intensity` is the root mean square of the fluctuations over the mean speed, per axis, I, and
     `turbulence_length_m` the length scale L of the dissipation: k = 1.5 (I U)^2, epsilon = C_mu^(3/4) k^(3/2) / L.
     Their defaults, 0.05 and a length of 0.1 times the patch's shorter side, are AutoGDM+'s. Where a specification
@@ -235,22 +233,22 @@ class Inlet(Patch):
 class Outlet(Patch):
     """Air leaves (or enters) freely: the pressure on the patch is zero.
 
-    What enters comes without momentum of its own, as from a still room next door.
+    Entering air has no momentum of its own, as from a still room next door.
     """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Open(Outlet):
-    """The outdoors go on: air leaves, or is drawn in, through the side or top of a box in the open.
+    """The outdoors beyond the box: air leaves, or is drawn in, through the side or top of a box in the open.
 
-    Where air leaves the pressure is zero. Where it enters it has sped up from far away, so the pressure is
-    p = -u_n^2 / 2 (Bernoulli, p over density), and it keeps the velocity it has inside: no velocity changes across
-    the patch. Wind along the patch therefore stays as it is, and a jet entrains air from the sides.
+    Where air leaves the pressure is zero. Where it enters it has been accelerated from far away, so the pressure is p =
+    -u_n^2 / 2 (Bernoulli, p over density), and its velocity is that inside: no velocity changes across the patch. Wind
+    along the patch therefore is unchanged, and a jet entrains air from the sides.
 
-    Source: Dong, Karniadakis and Chryssostomidis 2014, doi:10.1016/j.jcp.2013.12.042, equation 3: the kinetic energy
-    of what enters is taken from the pressure, which keeps the flow from feeding on its own backflow.
-    Deviation: the speed normal to the patch instead of the whole speed, sharply switched: with the whole speed, wind
-    along the patch would be no solution.
+    Source: Dong, Karniadakis and Chryssostomidis 2014, doi:10.1016/j.jcp.2013.12.042, equation 3: the kinetic energy of
+    entering air is taken from the pressure, which keeps the flow from feeding on its own backflow.
+    Deviation: the speed normal to the patch instead of the whole speed, with a sharp switch: with the whole speed, wind
+    along the patch would not be a solution.
     """
 
 
@@ -266,26 +264,36 @@ class SlipWall(Patch):
     """A wall without friction, or a plane of symmetry."""
 
 
-AXES = "xyz"
-
-Bool = NDArray[np.bool_]
-Slices = tuple[slice | int, ...]
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlacedPatch:
     """A patch on the grid: the side of the box it lies on and the boundary cells it covers.
 
-    `cells` selects, in a padded cell array, the layer of cells inside the box; `rows` is the pair of index ranges
-    along the two other axes (unpadded). `inflow` is what an inlet blows.
+    `inside` is the padded index, along `axis`, of the layer of cells inside the box; `rows` is the pair of index ranges
+    along the two other axes (unpadded). `inflow` is the inflow of an inlet.
     """
 
     patch: Patch
     axis: int
     is_high: bool
+    inside: int
     rows: tuple[slice, slice]
     n_cells: int
     inflow: Inflow | None = None
+
+    @property
+    def face(self) -> int:
+        """Return the padded index of the layer of boundary faces."""
+        return self.inside + self.is_high
+
+    @property
+    def just_outside(self) -> int:
+        """Return the padded index of the layer of cells outside the box."""
+        return self.inside + 1 if self.is_high else self.inside - 1
+
+    @property
+    def outside(self) -> slice:
+        """Return the padded indices of all layers of cells outside the box."""
+        return slice(self.inside + 1, None) if self.is_high else slice(0, self.inside)
 
     def layer(self, index: int | slice, *, face_axis: int | None = None) -> Slices:
         """Return a padded-array index: `index` along the patch's axis, the covered range along the others.
@@ -305,7 +313,7 @@ class PlacedPatch:
 
 
 def place_patch(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
-    """Find a patch's side of the box and its cells, and lay its velocity out on them."""
+    """Find a patch's side of the box and its cells, and lay out its velocity on them."""
     name = str(patch)
     low, high = np.asarray(patch.min_m, float), np.asarray(patch.max_m, float)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(low).all() and np.isfinite(high).all()):
@@ -339,7 +347,13 @@ def place_patch(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
         centres_m = _face_centres_m(axis, box[axis] if is_high else 0.0, rows, cell_m)
         inflow = make_inflow(name, patch.velocity_m_s, patch.factor, centres_m)
     return PlacedPatch(
-        patch=patch, axis=axis, is_high=is_high, rows=rows, n_cells=int(np.count_nonzero(covered)), inflow=inflow
+        patch=patch,
+        axis=axis,
+        is_high=is_high,
+        inside=LOW + free.shape[axis] - 1 if is_high else LOW,
+        rows=rows,
+        n_cells=int(np.count_nonzero(covered)),
+        inflow=inflow,
     )
 
 
@@ -351,7 +365,7 @@ def _face_centres_m(axis: int, at_m: float, rows: tuple[slice, slice], cell_m: f
     return np.stack(parts, axis=-1)
 
 
-# The axis a patch is flat on and whether it is at the high end of the box.
+# The axis to which a patch is normal, and whether it is at the high end of the box.
 def _side(name: str, low: F64, high: F64, box: F64, cell_m: float) -> tuple[int, bool]:
     near = 0.5 * cell_m
     candidates = [

@@ -2,7 +2,7 @@
 """Pressure solver: makes a staggered velocity field divergence-free, by multigrid-preconditioned conjugate gradients.
 
 All arrays are padded: cell (0, 0, 0) is at index (2, 2, 2), with two cells below and three above per axis.
-Padding of potentials, right-hand sides and coefficients of closed faces is zero and stays so.
+Padding of potentials, right-hand sides and coefficients of closed faces is always zero.
 
 The system is  sum over the six faces of  a_f (x_c - x_n) = b_c,  a_f >= 0 the face's coefficient:
 0 closed, 1 between two air cells, 2 to an outlet (x = 0 on the face, half a cell away).
@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 
 LOW = 2  # padding below cell 0 on every axis
 HIGH = 3  # padding above the last cell: one face more than cells, and the advection stencil's reach
+F32 = NDArray[np.float32]
+_COARSEST_SWEEPS = 6
+_COARSEST_CELLS = 60
 
 
 @numba.njit(cache=True, nogil=True)
@@ -94,7 +97,7 @@ def subtract_gradient(u, v, w, x, x_coefficient, y_coefficient, z_coefficient):
 
 @numba.njit(cache=True, nogil=True)
 def accumulate_scaled(target, x, factor):
-    """Add factor * x to the target in place (all padding included)."""
+    """Add factor * x to the target in place, including all padding."""
     nx, ny, nz = x.shape
     for i in range(nx):
         for j in range(ny):
@@ -126,7 +129,7 @@ def smooth_colour(x, b, x_coefficient, y_coefficient, z_coefficient, inverse_dia
 
     x_c = (b_c + sum a_f x_n) / sum a_f   for cells with (i + j + k) mod 2 = colour
 
-    The whole row is computed and only one colour of it taken over: that vectorises, a stride of two does not.
+    The whole row is computed and only one colour of it stored: that vectorises, a stride of two does not.
     Cells of one colour do not touch, so their order does not matter.
 
     Args:
@@ -308,12 +311,6 @@ def turn_direction(direction, preconditioned, factor):
                 direction[i, j, k] = preconditioned[i, j, k] + factor32 * direction[i, j, k]
 
 
-F32 = NDArray[np.float32]
-
-_COARSEST_SWEEPS = 6
-_COARSEST_CELLS = 60
-
-
 def padded(shape: tuple[int, int, int]) -> F32:
     """Return zeros for a grid of cells with the padding that all flow kernels expect, float32."""
     return np.zeros(tuple(n + LOW + HIGH for n in shape), np.float32)
@@ -381,7 +378,8 @@ class _Level:
                 last = np.take(source, fine_shape[axis], axis=axis)
                 faces[(slice(None),) * axis + (-1,)] += last
             for other in (a for a in range(3) if a != axis):
-                faces = _sum_pairs(faces, other, coarse_shape[other])
+                even = 2 * np.arange(coarse_shape[other])
+                faces = np.take(faces, even, axis=other) + np.take(faces, even + 1, axis=other)
             target[tuple(slice(LOW, LOW + n) for n in faces.shape)] = 0.5 * faces
             coarse.append(target)
         return coarse[0], coarse[1], coarse[2]
@@ -393,11 +391,6 @@ def _take_even(values: F32, axis: int, n: int) -> F32:
     taken = np.take(values, np.minimum(index, values.shape[axis] - 1), axis=axis)
     taken[(slice(None),) * axis + (index >= values.shape[axis],)] = 0
     return taken
-
-
-# Sums of neighbouring pairs along an axis, n of them.
-def _sum_pairs(values: F32, axis: int, n: int) -> F32:
-    return np.take(values, 2 * np.arange(n), axis=axis) + np.take(values, 2 * np.arange(n) + 1, axis=axis)
 
 
 class PressureSolver:
@@ -415,7 +408,7 @@ class PressureSolver:
 
         Args:
             coefficients: Padded coefficients of the low-x, low-y and low-z faces; see this module.
-            is_closed: No outlet: the potential is known up to a constant, and its mean is set to zero.
+            is_closed: No outlet: the potential is determined up to a constant, and its mean is set to zero.
         """
         self._is_closed = is_closed
         self.levels = [_Level(coefficients)]
@@ -443,10 +436,11 @@ class PressureSolver:
         Args:
             u: Padded x-face velocities [m/s], modified.
             v, w: y- and z-face velocities [m/s], modified.
-            tolerance_m_s: Largest root mean square of divergence times cell that may remain [m/s].
-            max_tolerance_m_s: Largest divergence times cell that may remain in any cell [m/s].
-            max_iterations: Iterations after which it stops anyway; the caller judges by the result.
-            source_m_s: Padded divergence times cell that shall remain [m/s]: volume that is let in or out of cells.
+            tolerance_m_s: Largest remaining root mean square of divergence times cell edge [m/s].
+            max_tolerance_m_s: Largest remaining divergence times cell edge in any cell [m/s].
+            max_iterations: Limit of the iterations; the result shows whether the tolerances were met.
+            source_m_s: Padded divergence times cell edge that has to remain [m/s]: volume released into or removed from
+            cells.
 
         Returns:
             Iterations and residuals.
@@ -464,8 +458,8 @@ class PressureSolver:
         subtract_gradient(u, v, w, self.x, *fine.coefficients)
         return SolveStats(iterations=iterations, first_max_m_s=float(first), last_max_m_s=last)
 
-    # Conjugate gradients on A x = b with b in the finest level's `b`, which becomes the residual.
-    # Returns the iterations taken and the largest residual left.
+    # Conjugate gradients on A x = b with b in the finest level's `b`, which becomes the residual. Returns the number of
+    # iterations and the largest remaining residual.
     def _iterate(
         self, sum_of_squares: float, largest: float, target: float, max_target: float, max_iterations: int
     ) -> tuple[int, float]:

@@ -1,4 +1,4 @@
-"""Report of a solve beside the wind: steps, mass balance, history and its plot, and whether it settled."""
+"""Report of a wind solve: wind, steps, mass balance, history and its plot, and convergence."""
 
 import importlib
 from dataclasses import dataclass
@@ -14,10 +14,23 @@ from gslcosim.flow.pressure import F32
 from gslcosim.flow.solver import StepRecord
 from gslcosim.flow.turbulence import Velocity
 
+_STEP_COLUMNS = (
+    "time_s",
+    "dt_s",
+    "courant",
+    "max_speed_m_s",
+    "max_viscosity_m2_s",
+    "kinetic_energy_m2_s2",
+    "inflow_m3_s",
+    "outflow_m3_s",
+)
+# A logarithmic axis has no zero, the value of still air [m/s].
+LEAST_M_S = 1e-12
+
 
 @dataclass(frozen=True, kw_only=True)
 class WindReport:
-    """A solved wind field and how well it was solved.
+    """A solved wind field and the quality of the solution.
 
     Attributes:
         velocity_m_s: (nx, ny, nz, 3) at cell centres, xyz, in the grid's frame; zero in solids.
@@ -25,17 +38,17 @@ class WindReport:
         k_m2_s2: (nx, ny, nz) turbulence energy at the end, for k-epsilon.
         epsilon_m2_s3: (nx, ny, nz) its dissipation at the end.
         divergence_max_per_s: Largest |div u| of a cell [1/s].
-        divergence_relative: The same times cell over the largest speed on the boundary.
-        inflow_m3_s: Air entering through inlets and outlets.
-        outflow_m3_s: Air leaving.
-        n_air_cells: Cells that the flow was solved in.
-        n_cut_off_cells: Air cells from which no outlet can be reached; they are still.
+        divergence_relative: `divergence_max_per_s` times cell edge over the largest speed on the boundary.
+        inflow_m3_s: Air that enters through inlets and outlets.
+        outflow_m3_s: Air that leaves.
+        n_air_cells: Cells in which the flow was solved.
+        n_cut_off_cells: Air cells without a path to an outlet; their air is at rest.
         history: One record per time step.
-        settling: Whether and when the statistics settled; absent when an end was given.
-        scalar: (nx, ny, nz) what drives the wind at the end, of a solve with buoyancy: the volume fraction of a gas, or
-            the temperature above the air's [K].
+        settling: Convergence of the statistics; absent when an end time was given.
+        scalar: (nx, ny, nz) the scalar that drives the wind at the end, of a solve with buoyancy: the volume fraction
+            of a gas, or the temperature excess over the air [K].
         scalar_by_height: (nz,) its mean over the air at each height.
-        frames_m_s: (t, nx, ny, nz, 3) frames at cell centres, each free of divergence; absent unless asked for.
+        frames_m_s: (t, nx, ny, nz, 3) frames at cell centres, each divergence-free; absent unless requested.
         frame_times_s: (t,) their times [s].
     """
 
@@ -75,7 +88,7 @@ class WindReport:
         return columns
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures that say how well it was solved, ready for `json.dump`."""
+        """Return the figures of the quality of the solution, ready for `json.dump`."""
         speed_m_s = np.linalg.norm(self.velocity_m_s, axis=-1)
         iterations = [r.pressure.iterations for r in self.history]
         return {
@@ -99,28 +112,12 @@ class WindReport:
         }
 
 
-_STEP_COLUMNS = (
-    "time_s",
-    "dt_s",
-    "courant",
-    "max_speed_m_s",
-    "max_viscosity_m2_s",
-    "kinetic_energy_m2_s2",
-    "inflow_m3_s",
-    "outflow_m3_s",
-)
-
-
-# A logarithmic axis has no zero, which still air has [m/s].
-LEAST_M_S = 1e-12
-
-
 def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
-    """Draw divergence, pressure iterations, mass balance and kinetic energy over time, to PNG or what the suffix says.
+    """Plot divergence, pressure iterations, mass balance and kinetic energy over time; the suffix sets the format.
 
     Args:
         report: Of `solve_wind_report`.
-        path: File to write, or one that is open.
+        path: File to write, or an open binary file, which gets PNG.
     """
     figure_type = matplotlib_figure_type()
     if figure_type is None:
@@ -149,7 +146,7 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
 
 
 def matplotlib_figure_type() -> Any | None:
-    """Return matplotlib's Figure, which needs neither window nor global state; nothing where it is not installed."""
+    """Return matplotlib's Figure, which needs neither window nor global state; None where it is not installed."""
     try:
         return importlib.import_module("matplotlib.figure").Figure
     except ImportError:

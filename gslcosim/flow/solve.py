@@ -25,19 +25,24 @@ from gslcosim.flow.report import WindReport
 from gslcosim.flow.solver import FlowSolver, StepRecord, clear_ghosts, mass_balance
 from gslcosim.flow.turbulence import KEpsilon, Velocity, make_model, still_velocity
 
-# Below so many cells a flow from still air develops in seconds of computing; chosen.
+# With fewer cells a flow from still air develops in seconds of computing; chosen.
 LEAST_CELLS = 30_000
-# So many windows hold the start of a flow and the two that are compared: time enough to start from still air.
+# Number of windows that cover the start of a flow and the two that are compared: enough to start from still air.
 N_WINDOWS_FROM_STILL = 3.0
-# A start may last so many times as long as what follows; chosen: it then costs a third of that.
+# Longest start over the time that follows; chosen: it then costs a third of that.
 LONGEST_START = 5.0
 _INNER = (slice(LOW, -HIGH),) * 3
 _Number = TypeVar("_Number", bound=np.generic)
+AIR_NU_M2_S = 1.5e-5
+MAX_TIME_S = 600.0
+# Fraction of the progress bar for a start on coarse cells; chosen.
+START_SHARE = 0.2
+Turbulence = Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolverNumerics:
-    """Numerical settings of a solve, on whichever cells; see `solve_wind_report`."""
+    """Numerical settings of a solve, independent of its cells; see `solve_wind_report`."""
 
     turbulence: str
     nu_m2_s: float
@@ -46,7 +51,7 @@ class SolverNumerics:
     buoyancy: BuoyantScalar | None = None
 
     def solver(self, domain: Domain, *, initial_velocity: Velocity | None = None) -> FlowSolver:
-        """Return a solver for a domain, whose air is still unless it begins with padded face velocities [m/s]."""
+        """Return a solver for a domain, whose air is still unless padded face velocities [m/s] are given."""
         return FlowSolver(
             domain,
             make_model(self.turbulence, domain, self.nu_m2_s),
@@ -64,13 +69,13 @@ def develop_on_coarse_cells(
 
     Args:
         domain: The domain on the room's own cells.
-        max_time_s: How long the flow will be solved on the room's own cells at most [s].
-        progress: Called with the share of the longest start that is over.
+        max_time_s: Time limit of the solve on the room's own cells [s].
+        progress: Called with the fraction of the longest start that is over.
 
     Returns:
-        The solver as it is then; nothing where it is not worth it or not possible: few cells, time enough for a flow
-        from still air to settle, inlets that change, an air or openings that larger cells do not hold, a flow that
-        diverges on them.
+        The solver in its state at that time. None if a coarse start has no advantage or is impossible: few cells, time
+        enough for a flow from still air to settle, inlets that change, air or openings without a representation on
+        larger cells, a flow that diverges on them.
     """
     is_steady = all(p.inflow and p.inflow.factor is None and p.inflow.velocity is None for p in domain.inlets)
     is_long = domain.n_air >= LEAST_CELLS and max_time_s < N_WINDOWS_FROM_STILL * settling_window_s(domain)
@@ -95,18 +100,18 @@ def develop_on_coarse_cells(
 
 
 def continue_on_fine_cells(coarse: FlowSolver, domain: Domain, numerics: SolverNumerics) -> FlowSolver:
-    """Return a solver on cells of half the size whose flow is that of another; its time begins again."""
+    """Return a solver on cells of half the size with the flow of another solver; its time restarts at 0."""
     fine = numerics.solver(domain, initial_velocity=spread_velocity(coarse, domain))
     transfer_state(coarse, fine)
     return fine
 
 
 def coarsen_domain(domain: Domain) -> Domain | None:
-    """Return a domain on cells of twice the size; nothing where its openings do not fit them or air no longer passes.
+    """Return a domain on cells of twice the size; None where its openings do not fit them or air no longer passes.
 
-    A cell of two in each direction is air when more than half of it is, so that walls one cell thick stay closed.
-    Where the number of cells is odd, the last ones are continued. An inlet that loses cells at its rim gets the speed
-    that brings the same flux of momentum, which is what drives the air of a room.
+    A coarse cell is air when more than half of it is, so that walls one cell thick stay closed. Where the number of
+    cells is odd, the last ones are continued. An inlet that loses cells at its rim gets the speed that preserves its
+    momentum flux, which drives the air of a room.
     """
     fine = domain.air[_INNER]
     shape = tuple((n + 1) // 2 for n in domain.shape)
@@ -128,7 +133,7 @@ def coarsen_domain(domain: Domain) -> Domain | None:
         return None
 
 
-# Borders between cells of the coarse grid stay where they are, others move up by a cell, both sides' alike.
+# Borders between cells of the coarse grid stay in place, others move up by one cell, on both sides alike.
 def _coarsened_patch(placed: PlacedPatch, shape: tuple[int, ...], cell_m: float) -> Patch:
     at_m = 2 * cell_m * shape[placed.axis] if placed.is_high else 0.0
     ends_m = [(2 * cell_m * ((row.start + 1) // 2), 2 * cell_m * ((row.stop + 1) // 2)) for row in placed.rows]
@@ -138,7 +143,7 @@ def _coarsened_patch(placed: PlacedPatch, shape: tuple[int, ...], cell_m: float)
         return replace(placed.patch, **corners)
     assert placed.inflow is not None
     fine_m_s = placed.inflow.at(0.0)
-    # Of a coarse cell that the opening covers half, the half is continued.
+    # A coarse cell that is half covered by the opening takes the covered half as a whole.
     a, b = (
         np.clip(np.arange(2 * ((row.start + 1) // 2), 2 * ((row.stop + 1) // 2)) - row.start, 0, n - 1)
         for row, n in zip(placed.rows, fine_m_s.shape[:2], strict=True)
@@ -150,15 +155,15 @@ def _coarsened_patch(placed: PlacedPatch, shape: tuple[int, ...], cell_m: float)
 def spread_velocity(coarse: FlowSolver, domain: Domain) -> Velocity:
     """Return a flow on cells of half the size, padded face velocities [m/s].
 
-    Between two coarse faces a velocity changes linearly along itself and not across: where the coarse flow neither
-    gains nor loses air, the fine one does not either. Faces of inlets are left to the solver.
+    Between two coarse faces a velocity changes linearly along itself and not across: where the coarse flow is
+    divergence-free, the fine one is too. Faces of inlets are left to the solver.
     """
     known, velocity = _without_divergence(coarse), still_velocity(domain)
     for axis in range(3):
         faces = tuple(slice(LOW, -HIGH + (1 if other == axis else 0)) for other in range(3))
         open_faces = domain.coefficients[axis][faces] > 0
         values = np.repeat(known[axis][faces], 2, axis=axis)
-        # Means of neighbours: those of a face and itself are the face.
+        # Means of neighbours; the mean of a face and itself is the face.
         below, above = np.moveaxis(values, axis, 0)[:-1], np.moveaxis(values, axis, 0)[1:]
         values = np.moveaxis(np.float32(0.5) * (below + above), 0, axis)
         for other in range(3):
@@ -170,7 +175,7 @@ def spread_velocity(coarse: FlowSolver, domain: Domain) -> Velocity:
     return velocity
 
 
-# A copy of the flow as it is given to others: still in obstacles, projected tightly.
+# A copy of the flow in the form of a result: still in obstacles, projected tightly.
 def _without_divergence(solver: FlowSolver) -> Velocity:
     u, v, w = (component.copy() for component in solver.velocity)
     solver.project_tightly((u, v, w))
@@ -179,7 +184,7 @@ def _without_divergence(solver: FlowSolver) -> Velocity:
 
 
 def transfer_state(coarse: FlowSolver, fine: FlowSolver) -> None:
-    """Give a solver on cells of half the size the pressure and the turbulence of a flow; see `spread_velocity`."""
+    """Copy the pressure and the turbulence of a flow to a solver on cells of half the size; see `spread_velocity`."""
     is_known = _spread(coarse.domain.air, fine.domain.shape) & fine.domain.air[_INNER]
     fine.pressure[_INNER] = np.where(is_known, _spread(coarse.pressure, fine.domain.shape), np.float32(0))
     if isinstance(fine.model, KEpsilon) and isinstance(coarse.model, KEpsilon):
@@ -189,7 +194,7 @@ def transfer_state(coarse: FlowSolver, fine: FlowSolver) -> None:
         fine.model.set_turbulence(k, epsilon)
 
 
-# Padded values of coarse cells on the cells within, without padding.
+# Padded values of coarse cells on the fine cells within them, without padding.
 def _spread(values: NDArray[_Number], shape: tuple[int, ...]) -> NDArray[_Number]:
     inner = values[_INNER]
     for axis in range(3):
@@ -197,16 +202,8 @@ def _spread(values: NDArray[_Number], shape: tuple[int, ...]) -> NDArray[_Number
     return inner[tuple(slice(0, n) for n in shape)]
 
 
-AIR_NU_M2_S = 1.5e-5
-MAX_TIME_S = 600.0
-# What a start on coarse cells takes of the whole, as a bar shows it; chosen.
-START_SHARE = 0.2
-
-Turbulence = Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"]
-
-
 class _Observer(Protocol):
-    # What looks at the flow after every step; steps end at `next_stop_s`.
+    # Observer of the flow after every step; steps end at `next_stop_s`.
     def next_stop_s(self, time_s: float) -> float: ...
 
     def see(self, solver: FlowSolver, record: StepRecord) -> None: ...
@@ -216,9 +213,9 @@ def solve_wind(free: NDArray[np.bool_], cell_m: float, patches: Sequence[Patch],
     """Compute the wind in a room from its geometry, its inlets and its outlets.
 
     Args:
-        free: As for `solve_wind_report`, like all others and the settings.
+        free: As for `solve_wind_report`, like all other arguments.
         cell_m: Edge of the cubic cells [m].
-        patches: What is on the boundary of the box.
+        patches: Patches on the boundary of the box.
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
@@ -244,28 +241,29 @@ def solve_wind_report(
     max_step_s: float | None = None,
     buoyancy: BuoyantScalar | None = None,
 ) -> WindReport:
-    """Compute the wind in a room from its geometry, its inlets and its outlets, and say how well it was solved.
+    """Compute the wind in a room from its geometry, its inlets and its outlets, with a report of the solution.
 
-    Air starts at rest, in halls without an end as it has developed on larger cells (`coarse_start`); walls are wherever
-    no patch is.
+    The air starts at rest; without an end time, in halls, it starts with a flow that was developed on larger cells
+    (`develop_on_coarse_cells`). Walls are wherever there is no patch.
 
     Args:
         free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
         cell_m: Edge of the cubic cells [m].
         patches: Inlets, outlets, moving and frictionless walls on the boundary of the box.
-        end_time_s: How long the flow develops [s]; absent: until its statistics have settled, and the wind returned
-            is the mean over the last two windows of time compared (`convergence.ConvergenceMonitor` says how).
-        average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
+        end_time_s: Duration of the flow [s]; absent: until its statistics have settled, and the wind returned is the
+            mean over the last two windows of time compared (see `convergence.ConvergenceMonitor`).
+        average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end time.
         progress: Called now and then with the fraction done, 0 to 1.
         turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
         nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
         courant: Largest (|u| + |v| + |w|) dt / h of a step.
-        max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.
-            The time on larger cells is not counted.
-        settle_tolerance_frac: Without an end: largest change of the mean wind from window to window (root mean square).
-        save_every_s: Keep a frame of the wind at every so many seconds [s]; absent: none.
+        max_time_s: Without an end time: limit of the wait for the statistics to settle [s]; the report states whether
+            it was reached. The time on larger cells is not counted.
+        settle_tolerance_frac: Without an end time: largest change of the mean wind from window to window (root mean
+            square).
+        save_every_s: Interval of stored frames of the wind [s]; absent: none.
         save_from_s: Time of the first frame [s].
-        max_step_s: Largest time step, whatever the Courant number [s].
+        max_step_s: Largest time step, regardless of the Courant number [s].
         buoyancy: Gas or heat that the wind carries and that drives it, in a box that may have no inlet; it needs
             `end_time_s`.
     """
@@ -315,7 +313,7 @@ def solve_wind_report(
     return _report(solver, velocity, tuple(history), settling, frames)
 
 
-# Told of a part of the work, tells how much of the whole is done.
+# Progress of a part of the work, reported as a fraction of the whole.
 def _share_of(progress: Callable[[float], None] | None, low: float, high: float) -> Callable[[float], None] | None:
     return progress and (lambda fraction: progress(low + (high - low) * fraction))
 
@@ -370,9 +368,11 @@ def _report(
     divergence_m_s = solver.divergence_m_s(velocity)
     inflow, outflow = mass_balance(domain, velocity)
     model = solver.model if isinstance(solver.model, KEpsilon) else None
+    inner, faces = slice(LOW, -HIGH), slice(LOW, -HIGH + 1)
+    u, v, w = velocity
     return WindReport(
         velocity_m_s=solver.centre_velocity(velocity),
-        face_velocity_m_s=_trimmed(velocity),
+        face_velocity_m_s=(u[faces, inner, inner].copy(), v[inner, faces, inner].copy(), w[inner, inner, faces].copy()),
         k_m2_s2=None if model is None else model.k[_INNER].copy(),
         epsilon_m2_s3=None if model is None else model.epsilon[_INNER].copy(),
         divergence_max_per_s=divergence_m_s / domain.cell_m,
@@ -388,10 +388,3 @@ def _report(
         frames_m_s=None if frames is None else frames.frames_m_s,
         frame_times_s=None if frames is None else frames.times_s,
     )
-
-
-# Face velocities without their padding.
-def _trimmed(velocity: Velocity) -> Velocity:
-    inner, faces = slice(LOW, -HIGH), slice(LOW, -HIGH + 1)
-    u, v, w = velocity
-    return u[faces, inner, inner].copy(), v[inner, faces, inner].copy(), w[inner, inner, faces].copy()

@@ -14,13 +14,16 @@ from gslcosim.flow.patches import MovingWall, Open, PlacedPatch, SlipWall
 from gslcosim.flow.pressure import F32, HIGH, LOW, PressureSolver, SolveStats, padded
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, mirror_into_ghosts, still_velocity
 
+_RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
+_VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field
+
 
 def impose_inlets(domain: Domain, velocity: Velocity, time_s: float) -> None:
     """Set the prescribed velocities on the faces of inlets, in place.
 
     Args:
         velocity: Padded face velocities [m/s], modified.
-        time_s: For inlets that change in time [s].
+        time_s: Time, for inlets that change [s].
     """
     for placed in domain.inlets:
         _impose_inlet(placed, velocity, domain, time_s)
@@ -36,24 +39,22 @@ def impose_open_pressure(domain: Domain, velocity: Velocity, pressure: F32) -> N
     for placed in domain.outlets:
         if not isinstance(placed.patch, Open):
             continue
-        n = domain.shape[placed.axis]
-        face, outside = (LOW + n, LOW + n) if placed.is_high else (LOW, LOW - 1)
-        normal = velocity[placed.axis][placed.layer(face)]
+        normal = velocity[placed.axis][placed.layer(placed.face)]
         entering = np.minimum(normal, 0) if placed.is_high else np.maximum(normal, 0)
-        pressure[placed.layer(outside)] = -0.5 * entering**2
+        pressure[placed.layer(placed.just_outside)] = -0.5 * entering**2
 
 
 def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> None:
-    """Set the velocities outside the air that the stencils of the momentum equation reach, in place.
+    """Set the velocities outside the air that the stencils of the momentum equation read, in place.
 
-    Walls mirror the velocity along them so that it is the wall's in between, frictionless walls mirror it evenly;
-    an inlet has its own; at an outlet all is as inside where air leaves, without normal velocity where it enters
-    unless it is open, and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
+    Walls mirror the tangential velocity so that its mean is the wall's, frictionless walls copy it; an inlet prescribes
+    its own; outside an outlet all is as inside where air leaves, without normal velocity where it enters unless it is
+    open, and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
 
     Args:
         velocity: Padded face velocities [m/s], modified outside the box and inside solids only.
         nu: Padded viscosity [m2/s], modified outside outlets.
-        time_s: For inlets that change in time [s].
+        time_s: Time, for inlets that change [s].
     """
     for axis in range(3):
         for is_high in (False, True):
@@ -62,10 +63,10 @@ def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> 
         mirror_into_ghosts(component.ravel(), ghosts.faces, ghosts.starts, ghosts.sources)
     for placed in domain.placed:
         if isinstance(placed.patch, (SlipWall, MovingWall)):
-            _mirror_at_patch(placed, velocity, domain)
+            _mirror_at_patch(placed, velocity)
     impose_inlets(domain, velocity, time_s)
     for placed in domain.outlets:
-        _fill_outlet(placed, velocity, nu, domain)
+        _fill_outlet(placed, velocity, nu)
 
 
 def clear_ghosts(domain: Domain, velocity: Velocity) -> None:
@@ -74,76 +75,59 @@ def clear_ghosts(domain: Domain, velocity: Velocity) -> None:
         component.ravel()[ghosts.faces] = 0
 
 
-# Layers just inside and just outside the box at one side.
-def _layers(domain: Domain, axis: int, *, is_high: bool) -> tuple[int, int]:
-    return (LOW + domain.shape[axis] - 1, LOW + domain.shape[axis]) if is_high else (LOW, LOW - 1)
-
-
 def _mirror_at_walls(domain: Domain, velocity: Velocity, axis: int, *, is_high: bool) -> None:
-    inside, outside = _layers(domain, axis, is_high=is_high)
+    n = domain.shape[axis]
+    inside, outside = (LOW + n - 1, LOW + n) if is_high else (LOW, LOW - 1)
     beyond, within = [slice(None)] * axis + [outside], [slice(None)] * axis + [inside]
     for component in range(3):
         if component != axis:
             np.negative(velocity[component][tuple(within)], out=velocity[component][tuple(beyond)])
 
 
-def _mirror_at_patch(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
-    inside, outside = _layers(domain, placed.axis, is_high=placed.is_high)
+def _mirror_at_patch(placed: PlacedPatch, velocity: Velocity) -> None:
     for component in range(3):
         if component == placed.axis:
             continue
-        within = velocity[component][placed.layer(inside, face_axis=component)]
+        within = velocity[component][placed.layer(placed.inside, face_axis=component)]
         value = within
         if isinstance(placed.patch, MovingWall):
             value = np.float32(2 * placed.patch.velocity_m_s[component]) - within
-        velocity[component][placed.layer(outside, face_axis=component)] = value
+        velocity[component][placed.layer(placed.just_outside, face_axis=component)] = value
 
 
 # Prescribed velocities on an inlet's faces and in the padding outside of it.
 def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain, time_s: float) -> None:
     assert placed.inflow is not None
     speeds = placed.inflow.at(time_s)
-    n = domain.shape[placed.axis]
-    inside = LOW + n - 1 if placed.is_high else LOW
-    is_air = domain.air[placed.layer(slice(inside, inside + 1))]
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-    normal = slice(inside + 1, None) if placed.is_high else slice(0, LOW + 1)
+    is_air = domain.air[placed.layer(slice(placed.inside, placed.inside + 1))]
+    normal = placed.outside if placed.is_high else slice(0, placed.face + 1)
     for axis in range(3):
         if axis == placed.axis:
             speed = np.expand_dims(speeds[..., axis], placed.axis)
             velocity[axis][placed.layer(normal)] = np.where(is_air, speed, np.float32(0))
         else:
             speed = _between_cells(speeds[..., axis], axis - (axis > placed.axis))
-            velocity[axis][placed.layer(outside, face_axis=axis)] = np.expand_dims(speed, placed.axis)
+            velocity[axis][placed.layer(placed.outside, face_axis=axis)] = np.expand_dims(speed, placed.axis)
 
 
-# Values of cells averaged to the faces between them along one axis; at the ends those of the cell.
+# Values of cells averaged to the faces between them along one axis; at the ends the value of the cell.
 def _between_cells(values: F32, axis: int) -> F32:
     first, last = np.take(values, [0], axis=axis), np.take(values, [-1], axis=axis)
     return 0.5 * (np.concatenate((first, values), axis=axis) + np.concatenate((values, last), axis=axis))
 
 
-# Padding outside an outlet: velocities as inside, but where air enters no normal one unless open; viscosity as inside.
-def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domain) -> None:
-    n = domain.shape[placed.axis]
-    face = LOW + n if placed.is_high else LOW
-    normal = velocity[placed.axis]
+# Padding outside an outlet: as inside, but without normal velocity where air enters, unless open.
+def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32) -> None:
+    face, inside, normal = placed.face, placed.inside, velocity[placed.axis]
     leaving = normal[placed.layer(slice(face, face + 1))]
     if not isinstance(placed.patch, Open):
         leaving = np.maximum(leaving, 0) if placed.is_high else np.minimum(leaving, 0)
-    inside = face - 1 if placed.is_high else face
     normal[placed.layer(slice(face + 1, None) if placed.is_high else slice(0, face))] = leaving
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
     for axis in range(3):
         if axis != placed.axis:
             along = placed.layer(slice(inside, inside + 1), face_axis=axis)
-            velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
-    just_outside = inside + 1 if placed.is_high else inside - 1
-    nu[placed.layer(just_outside)] = nu[placed.layer(inside)]
-
-
-_RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
-_VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field
+            velocity[axis][placed.layer(placed.outside, face_axis=axis)] = velocity[axis][along]
+    nu[placed.layer(placed.just_outside)] = nu[placed.layer(inside)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +159,7 @@ class StepRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class _Survey:
-    # What the air does before a step: largest speed sum and viscosity, mean kinetic energy.
+    # State of the air before a step: largest speed sum and viscosity, mean kinetic energy.
     speed_m_s: float
     viscosity_m2_s: float
     energy_m2_s2: float
@@ -209,10 +193,10 @@ class FlowSolver:
         Args:
             model: Turbulence model of the same domain.
             courant: Largest (|u| + |v| + |w|) dt / h, at most 1.
-            max_step_s: Largest time step, whatever the Courant number [s].
+            max_step_s: Largest time step, regardless of the Courant number [s].
             tolerance: Root mean square of div(u) h that a step may leave, over the reference speed.
             initial_velocity: Padded face velocities [m/s]; still air if absent.
-            buoyancy: A gas or heat of the same domain that the wind carries and is driven by.
+            buoyancy: Gas or heat of the same domain that the wind carries and is driven by.
         """
         self.domain = domain
         self.buoyancy = buoyancy
@@ -232,14 +216,14 @@ class FlowSolver:
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
         self.reference_speed_m_s = speed or 1.0
-        # Of air at rest, which could take a step of any length. The speeds a flow begins with do not limit it later:
-        # one from larger cells may be many times too fast where few of these lead to an outlet.
+        # Of air at rest, which could take a step of any length. The initial speeds of a flow do not limit it later:
+        # those from larger cells may be many times too high where few of the cells lead to an outlet.
         self._least_speed_m_s = driven_m_s or self.reference_speed_m_s
         self._tolerance_m_s = tolerance * self.reference_speed_m_s
         self.project_tightly()
 
     def project_tightly(self, velocity: Velocity | None = None) -> SolveStats:
-        """Remove what divergence is left, to near the resolution of float32, from the state or given velocities."""
+        """Remove the remaining divergence, to near the resolution of float32, from the state or given velocities."""
         return self._projection.project(
             *(velocity or self.velocity),
             tolerance_m_s=1e-5 * self.reference_speed_m_s,
@@ -252,7 +236,7 @@ class FlowSolver:
         """Advance by one time step that does not pass `until_s` [s].
 
         Raises:
-            FlowError: the flow has diverged; says when, where, and what to change.
+            FlowError: the flow has diverged; the error names time, place and remedy.
         """
         survey = self._survey()
         dt_s = self._time_step(survey, until_s - self.time_s)
@@ -261,7 +245,7 @@ class FlowSolver:
             self.buoyancy.advance(self.velocity, self.model, dt_s)
         is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
         end_s = until_s if is_last else self.time_s + dt_s
-        # The turbulence model may have used the stage arrays as scratch: bring back their padding and fixed faces.
+        # The turbulence model may have used the stage arrays as scratch: restore their padding and fixed faces.
         impose_inlets(self.domain, self._stage, self.time_s)
         self._advance(self.velocity, self.time_s, dt_s, 1.0, self._stage)
         self._advance(self._stage, end_s, dt_s, 0.5, self.velocity)
@@ -281,7 +265,7 @@ class FlowSolver:
         return out
 
     def divergence_free_centre_velocity(self) -> F32:
-        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s] of the state projected tightly; it stays as is."""
+        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s] of the tightly projected state, which is kept."""
         for copy, now in zip(self._stage, self.velocity):
             np.copyto(copy, now)
         self.project_tightly(self._stage)
@@ -293,12 +277,12 @@ class FlowSolver:
         _, largest = pressure.negative_divergence(*(velocity or self.velocity), *self.domain.coefficients, scratch)
         return float(largest)
 
-    # Divergence times cell that stays: volume that is released, or passes small holes.
+    # Divergence times cell edge that remains: released volume, or flow through small holes.
     @property
     def _source_m_s(self) -> F32 | None:
         return None if self.buoyancy is None else self.buoyancy.source_m_s
 
-    # One stage of Heun's method, boundary values and wall friction included.
+    # One stage of Heun's method, including boundary values and wall friction.
     def _advance(self, start: Velocity, time_s: float, dt_s: float, weight: float, out: Velocity) -> None:
         domain, model = self.domain, self.model
         fill_padding(domain, start, model.nu, time_s)
@@ -347,8 +331,8 @@ class FlowSolver:
         energy = 0.5 * float(squares) / self.domain.n_air
         return _Survey(speed_m_s=float(speed), viscosity_m2_s=float(viscosity), energy_m2_s2=energy)
 
-    # Time step [s] by Courant number and viscosity. The last two before a stop are equally long: a very short one
-    # would magnify what the pressure solve leaves.
+    # Time step [s] by Courant number and viscosity. The last two before a stop have equal length: a very short one
+    # would amplify the residual of the pressure solve.
     def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
         limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self._least_speed_m_s))
@@ -378,10 +362,8 @@ def mass_balance(domain: Domain, velocity: Velocity) -> tuple[float, float]:
     """Return the volume flow into and out of the box [m3/s], summed over boundary faces by sign."""
     flows: list[NDArray[np.float64]] = []
     for placed in (*domain.inlets, *domain.outlets):
-        n = domain.shape[placed.axis]
-        face = LOW + n if placed.is_high else LOW
         outward = 1.0 if placed.is_high else -1.0
-        flows.append(outward * velocity[placed.axis][placed.layer(face)].astype(np.float64).ravel())
+        flows.append(outward * velocity[placed.axis][placed.layer(placed.face)].astype(np.float64).ravel())
     outward_flow = np.concatenate(flows) if flows else np.zeros(0)
     area = domain.cell_m**2
     inflow = -float(outward_flow[outward_flow < 0].sum()) * area

@@ -1,9 +1,9 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""Turbulence models: eddy viscosity and wall friction that the momentum equation sees.
+"""Turbulence models: eddy viscosity and wall friction for the momentum equation.
 
-Friction says how strongly a wall slows the air beside it, and what it does to turbulence there. Its lists and padding
-are those of `domain.WallFriction`. The wall is half a cell from the velocities that it slows.
+Friction slows the air beside a wall, and changes the turbulence there. Its lists and padding are those of
+`domain.WallFriction`. The wall is half a cell from the velocities that it slows.
 
 Padding and index order are those of `pressure`; scalars are at cell centres.
 
@@ -29,13 +29,12 @@ VON_KARMAN = 0.41
 WALL_ROUGHNESS_E = 9.8  # smooth wall
 C_MU = 0.09
 LAMINAR_SUBLAYER = 11.53  # y+ at which y+ = ln(E y+) / kappa
-
-
-@numba.njit(cache=True, nogil=True)
-def viscous_friction(friction_m_s, nu_m2_s, cell_m):
-    """Set the friction velocity factor c of `tau = c (U - U_wall)` of a laminar wall layer: c = nu / (h / 2) [m/s]."""
-    for n in range(friction_m_s.shape[0]):
-        friction_m_s[n] = 2.0 * nu_m2_s / cell_m
+ETA_0_RNG = 4.38
+BETA_RNG = 0.012
+K_FLOOR_M2_S2 = 1e-10
+EPSILON_FLOOR_M2_S3 = 1e-12
+Velocity = tuple[F32, F32, F32]
+SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
 
 
 @numba.njit(cache=True, nogil=True)
@@ -177,15 +176,15 @@ def wall_dissipation(cells, k_m2_s2, nu_m2_s, cell_m, epsilon):
 
 @numba.njit(cache=True, nogil=True)
 def mirror_into_ghosts(velocity, faces, starts, sources):
-    """Set the velocities inside obstacles, beside their surface, to minus the mean of those beside them, in place.
+    """Set the velocities inside obstacles, near their surface, to minus the mean of the adjacent ones, in place.
 
-    In between, on the surface, the velocity is then that of a wall at rest. A wall one cell thick has one value for
+    The interpolated velocity on the surface is then that of a wall at rest. A wall one cell thick has one value for
     both of its sides, the mean.
 
     Args:
         velocity: Flat padded velocities of one component [m/s], modified at `faces`.
         faces: (n,) flat indices.
-        starts: (n + 1,) where each ghost's sources start.
+        starts: (n + 1,) start of each ghost's sources.
         sources: Flat indices of open faces.
 
     Held by:
@@ -196,12 +195,6 @@ def mirror_into_ghosts(velocity, faces, starts, sources):
         for m in range(starts[n], starts[n + 1]):
             total += velocity[sources[m]]
         velocity[faces[n]] = np.float32(-total / (starts[n + 1] - starts[n]))
-
-
-ETA_0_RNG = 4.38
-BETA_RNG = 0.012
-K_FLOOR_M2_S2 = 1e-10
-EPSILON_FLOOR_M2_S3 = 1e-12
 
 
 @numba.njit(cache=True, nogil=True)
@@ -268,7 +261,7 @@ def production_from_strain(nu, nu_m2_s, production):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _limited_value(speed, courant, far_low, low, high, far_high):
-    # Upwind value moved to the middle of the time step, van Leer's limiter without a division by zero.
+    # Upwind value at the middle of the time step, with van Leer's limiter without a division by zero.
     is_forward = speed > 0
     centre = low if is_forward else high
     behind = far_low if is_forward else far_high
@@ -298,13 +291,13 @@ def _flux_row(speed, far_low, low, high, far_high, nu_low, nu_high, molecular, o
 
 @numba.njit(cache=True, nogil=True)
 def transport_scalar(scalar, u, v, w, nu, nu_m2_s, diffusivity_m2_s, sigma, dt_s, cell_m, out):
-    """Advect and diffuse a scalar for one time step (sources and sinks are the caller's).
+    """Advect and diffuse a scalar for one time step, without sources and sinks.
 
     out = s + dt (-div(u s) + div((D + nu_t / sigma) grad s))
     [s] = [s] + [s] [1/s]
 
-    One explicit step: the face value is upwind plus a van Leer slope, taken at the middle of the time step, so it is
-    of second order in smooth regions and makes no new extremes. Nothing diffuses into solids or through the box.
+    One explicit step: the face value is upwind plus a van Leer slope, taken at the middle of the time step, so it is of
+    second order in smooth regions and creates no new extrema. Nothing diffuses into solids or through the box.
 
     Args:
         scalar: Padded scalar at cell centres; its padding at inlets holds the incoming value.
@@ -314,9 +307,9 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, diffusivity_m2_s, sigma, dt_s
         sigma: Turbulent Prandtl number of the scalar.
         out: Written: padded scalar after the step; not `scalar`.
 
-    Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 6, which `solver` sees to.
+    Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 6, ensured by `solver`.
     Source: van Leer 1974, doi:10.1016/0021-9991(74)90019-9 (limiter).
-    Held by: tests/unit/flow/test_turbulence.py (total kept; constant stays; no new extremes)
+    Held by: tests/unit/flow/test_turbulence.py (total conserved; constant unchanged; no new extrema)
     """
     nx, ny, nz = scalar.shape
     per_cell = np.float32(1 / cell_m)
@@ -385,7 +378,7 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s, c_1, c
         k_moved: Padded energy after transport, becomes the new energy [m2/s2].
         e_moved: Padded dissipation after transport, becomes the new dissipation [m2/s3].
         production: Padded P [m2/s3].
-        nu: Padded total viscosity; 0 marks what is not air and stays untouched.
+        nu: Padded total viscosity; 0 marks cells that are not air, which are unchanged.
         c_1: C_1 of the production, float32.
         c_2: C_2 of the dissipation, float32.
 
@@ -410,19 +403,19 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s, c_1, c
 
 @numba.njit(cache=True, nogil=True)
 def strain_sink_rng(energy, dissipation, production, nu, c_mu, dt_s, moved):
-    """Add to the moved dissipation what the renormalised k-epsilon model takes from its production, in place.
+    """Add the strain term of the renormalised k-epsilon model to the moved dissipation, in place.
 
     de/dt = -R P e / k,   R = eta (1 - eta / eta_0) / (1 + beta eta^3),   eta = S k / e = sqrt(P / (C_mu e))
     [m2/s3 / s] = [m2/s3] [1/s]; eta_0 = 4.38, beta = 0.012
 
-    Where the air is strained hard (eta above eta_0: shear layers, separation) R is negative: more dissipation, less
-    eddy viscosity.
+    Under strong strain (eta above eta_0: shear layers, separation) R is negative: more dissipation, less eddy
+    viscosity.
 
     Args:
         energy: Padded k before the step [m2/s2].
         dissipation: Padded epsilon before the step [m2/s3].
         production: Padded P [m2/s3].
-        nu: Padded total viscosity; 0 marks what is not air and stays untouched.
+        nu: Padded total viscosity; 0 marks cells that are not air, which are unchanged.
         c_mu: C_mu of the model.
         moved: Padded epsilon after transport [m2/s3], modified.
 
@@ -445,14 +438,14 @@ def strain_sink_rng(energy, dissipation, production, nu, c_mu, dt_s, moved):
                 eta = np.sqrt(per_c_mu * production[i, j, k] / loss)
                 share = eta * (one - eta * per_eta_0) / (one + beta * eta * eta * eta)
                 change = dt * share * rate * production[i, j, k]
-                # A sink may take no more than what is there; what it leaves is positive.
+                # The sink is implicit: the remaining dissipation is positive.
                 gain = moved[i, j, k] - change if change < 0 else moved[i, j, k] / (one + change / loss)
                 moved[i, j, k] = gain if nu[i, j, k] > 0 else moved[i, j, k]
 
 
 @numba.njit(cache=True, nogil=True)
 def buoyancy_production(energy, dissipation, nu, nu_m2_s, stratification, sigma, c_1, dt_s, k_moved, e_moved):
-    """Add to the moved k and epsilon what buoyancy does to turbulence, in place.
+    """Add the effect of buoyancy on turbulence to the moved k and epsilon, in place.
 
     G = -nu_t / sigma N^2;   k += dt G, epsilon += dt C_1 G e / k where air is unstable;
     k /= 1 + dt |G| / k where it is stable
@@ -463,12 +456,12 @@ def buoyancy_production(energy, dissipation, nu, nu_m2_s, stratification, sigma,
         dissipation: Padded epsilon before the step [m2/s3].
         nu: Padded total viscosity, 0 outside air [m2/s].
         stratification: Padded N^2, above 0 where air is stable [1/s2].
-        sigma: Turbulent Schmidt or Prandtl number of what makes the air light.
+        sigma: Turbulent Schmidt or Prandtl number of the scalar that makes the air light.
         c_1: C_1 of the production of epsilon, float32.
         k_moved: Padded k after transport, modified.
         e_moved: Padded epsilon after transport, modified.
 
-    Source: Rodi 1987, doi:10.1029/JC092iC05p05305: buoyancy acts on epsilon only where it makes turbulence.
+    Source: Rodi 1987, doi:10.1029/JC092iC05p05305: buoyancy acts on epsilon only where it produces turbulence.
     Held by: tests/unit/flow/test_buoyancy.py
     """
     nx, ny, nz = energy.shape
@@ -489,7 +482,7 @@ def buoyancy_production(energy, dissipation, nu, nu_m2_s, stratification, sigma,
 
 @numba.njit(cache=True, nogil=True)
 def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation, c_mu):
-    """Take over the new k and epsilon and set nu = nu_m2_s + C_mu k^2 / epsilon [m2/s] in air.
+    """Copy the new k and epsilon and set nu = nu_m2_s + C_mu k^2 / epsilon [m2/s] in air.
 
     Args:
         k_new: Padded new energy [m2/s2].
@@ -536,11 +529,6 @@ def eddy_viscosity_smagorinsky(strain, constant, nu_m2_s, cell_m, nu):
                 nu[i, j, k] = total if nu[i, j, k] > 0 else np.float32(0)
 
 
-Velocity = tuple[F32, F32, F32]
-
-SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
-
-
 class TurbulenceModel(Protocol):
     """Sets eddy viscosity and wall friction from the flow."""
 
@@ -564,8 +552,8 @@ class Laminar:
     def __init__(self, domain: Domain, nu_m2_s: float) -> None:
         self.nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
-        self.friction_m_s = np.zeros(domain.friction.cells.size)
-        viscous_friction(self.friction_m_s, nu_m2_s, domain.cell_m)
+        # The factor c of `tau = c (U - U_wall)` of a laminar wall layer: c = nu / (h / 2).
+        self.friction_m_s = np.full(domain.friction.cells.size, 2.0 * nu_m2_s / domain.cell_m)
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
         """Do nothing."""
@@ -574,7 +562,7 @@ class Laminar:
 class Smagorinsky:
     """Large-eddy simulation: eddy viscosity from the resolved strain, power-law friction at walls.
 
-    The wind it gives is unsteady; average it over time for a steady one.
+    The resulting wind is unsteady; average it over time for a steady one.
     """
 
     def __init__(self, domain: Domain, nu_m2_s: float, *, constant: float = SMAGORINSKY_CONSTANT) -> None:
@@ -600,7 +588,7 @@ class Smagorinsky:
 
 @dataclass(frozen=True, kw_only=True)
 class KEpsilonConstants:
-    """Constants of a k-epsilon model; `has_strain_sink`: the renormalised model's, see `strain_sink_rng`."""
+    """Constants of a k-epsilon model; `has_strain_sink`: with the term of the renormalised model, `strain_sink_rng`."""
 
     c_mu: float
     c_1: float
@@ -619,7 +607,7 @@ RENORMALISED = KEpsilonConstants(
 
 
 class KEpsilon:
-    """The k-epsilon model with wall functions in k; with its standard constants what pimpleFoam's `kEpsilon` computes.
+    """The k-epsilon model with wall functions in k; with its standard constants that of pimpleFoam's `kEpsilon`.
 
     The room starts with the turbulence of the inlet, as AutoGDM+ sets it: k = 1.5 (I U)^2,
     epsilon = C_mu^(3/4) k^(3/2) / L with L = 0.1 times the inlet's shorter side.
@@ -628,7 +616,8 @@ class KEpsilon:
     def __init__(self, domain: Domain, nu_m2_s: float, constants: KEpsilonConstants = STANDARD) -> None:
         self._domain = domain
         self._constants = constants
-        # N^2 of the air [1/s2] and the turbulent Schmidt number of what makes it light: set by `buoyancy.Buoyancy`.
+        # N^2 of the air [1/s2] and the turbulent Schmidt number of the scalar that makes it light: set by
+        # `buoyancy.Buoyancy`.
         self.stratification_per_s2: F32 | None = None
         self.scalar_sigma = 1.0
         self.nu_m2_s = nu_m2_s
@@ -639,10 +628,9 @@ class KEpsilon:
         self.epsilon = np.full_like(self.nu, epsilon)
         for placed in domain.inlets:
             inlet_k, inlet_epsilon = inlet_turbulence(placed, domain)
-            outside = slice(-HIGH, None) if placed.is_high else slice(0, LOW)
-            self.k[placed.layer(outside)] = inlet_k
-            self.epsilon[placed.layer(outside)] = inlet_epsilon
-        self._take_over(self.k.copy(), self.epsilon.copy())
+            self.k[placed.layer(placed.outside)] = inlet_k
+            self.epsilon[placed.layer(placed.outside)] = inlet_epsilon
+        self.set_turbulence(self.k.copy(), self.epsilon.copy())
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
         """Advance k and epsilon by one explicit step, then the eddy viscosity and the wall friction."""
@@ -674,29 +662,22 @@ class KEpsilon:
             self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s,
             np.float32(constants.c_1), np.float32(constants.c_2),
         )  # fmt: skip
-        self._take_over(k_new, e_new)
+        self.set_turbulence(k_new, e_new)
 
     def set_turbulence(self, k_m2_s2: F32, epsilon_m2_s3: F32) -> None:
-        """Go on from padded k and epsilon; both arrays are the model's from now on."""
-        self._take_over(k_m2_s2, epsilon_m2_s3)
-
-    # Make the new k and epsilon current, with the walls' values, and derive viscosity and friction.
-    def _take_over(self, k_new: F32, e_new: F32) -> None:
+        """Set padded k and epsilon, with the walls' values, and derive viscosity and friction; epsilon is modified."""
         cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self.nu_m2_s
-        wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
+        wall_dissipation(cells, k_m2_s2.ravel(), nu, cell_m, epsilon_m2_s3.ravel())
         c_mu = np.float32(self._constants.c_mu)
-        eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon, c_mu)
+        eddy_viscosity_k_epsilon(k_m2_s2, epsilon_m2_s3, nu, self.nu, self.k, self.epsilon, c_mu)
         log_law_friction(cells, self.k.ravel(), nu, cell_m, self.friction_m_s)
 
     # Outside an outlet k and epsilon are those inside.
     def _fill_outlets(self) -> None:
         for placed in self._domain.outlets:
-            n = self._domain.shape[placed.axis]
-            inside = LOW + n - 1 if placed.is_high else LOW
-            outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
             for scalar in (self.k, self.epsilon):
-                value = scalar[placed.layer(slice(inside, inside + 1))]
-                scalar[placed.layer(outside)] = value
+                value = scalar[placed.layer(slice(placed.inside, placed.inside + 1))]
+                scalar[placed.layer(placed.outside)] = value
 
 
 def start_turbulence(domain: Domain) -> tuple[float, float]:

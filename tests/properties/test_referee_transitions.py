@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
+from gslcosim.contract.record import validate_fields
 from gslcosim.environment.model import Box, Environment, Grid, WindFrames
 from gslcosim.scenario import Scenario
 from gslcosim_services.referee.core import RefereeCore
@@ -110,7 +111,7 @@ def test_one_verdict_no_events_after_an_end_and_figures_that_agree(room, story, 
         }
         for agent, answer in zip(AGENTS, answers, strict=True):
             if answer is not None:
-                inbox[keys.command(agent)] = Command.model_validate({"tick": tick, **answer})
+                inbox[keys.command(agent)] = validate_fields(Command, {"tick": tick, **answer})
         outbox = core.step(tick, inbox)
         score = outbox[keys.SCORE]
         for event in score.events:

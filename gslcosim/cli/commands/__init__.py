@@ -1,1 +1,1 @@
-"""One module a command: its arguments, the call it makes, and what it prints."""
+"""One module per command: its arguments, its call and its output."""

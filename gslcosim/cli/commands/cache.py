@@ -1,4 +1,4 @@
-"""`gslcosim cache`: what the cache holds, by size and last use, and room on the disk by removing some of it."""
+"""`gslcosim cache`: contents of the cache, by size and last use; room on the disk by removal of entries."""
 
 import argparse
 import re
@@ -49,8 +49,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.base.disk_cache import FOLDERS
-
     wrong = [kind for kind in arguments.kind if kind not in FOLDERS]
     if wrong:
         raise UsageError(f"gslcosim cache: expected --kind of {', '.join(FOLDERS)}, was {wrong[0]!r}.")
@@ -68,7 +66,7 @@ def _list(arguments: argparse.Namespace) -> int:
     from gslcosim.base.disk_cache import LIMIT_VARIABLE, limit_from_environment, list_entries
     from gslcosim.base.kernel_cache import get_cache_root
 
-    entries, limit_bytes = _of_kinds(list_entries(), arguments.kind), limit_from_environment()
+    entries, limit_bytes = _select_kinds(list_entries(), arguments.kind), limit_from_environment()
     total_bytes = sum(entry.size_bytes for entry in entries)
     shown = sorted(entries, key=lambda entry: -entry.size_bytes) if arguments.sort == "size" else entries
     shown = shown[: arguments.limit]
@@ -98,7 +96,7 @@ def _list(arguments: argparse.Namespace) -> int:
 def _free(arguments: argparse.Namespace) -> int:
     from gslcosim.base.disk_cache import list_entries, remove_entries
 
-    choose = _choice(arguments)
+    choose = _build_choice(arguments)
     if arguments.yes:
         chosen = remove_entries(choose)
         kept: Sequence[CacheEntry] = ()
@@ -121,14 +119,14 @@ def _free(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _choice(arguments: argparse.Namespace) -> "Callable[[Sequence[CacheEntry]], list[CacheEntry]]":
+def _build_choice(arguments: argparse.Namespace) -> "Callable[[Sequence[CacheEntry]], list[CacheEntry]]":
     from gslcosim.base.disk_cache import parse_size_bytes
 
     limit_s = None if arguments.older_than is None else _parse_age_s(arguments.older_than)
     keep_bytes = None if arguments.keep is None else parse_size_bytes(arguments.keep, place="gslcosim cache --keep")
 
     def choose(entries: "Sequence[CacheEntry]") -> "list[CacheEntry]":
-        entries = _of_kinds(entries, arguments.kind)
+        entries = _select_kinds(entries, arguments.kind)
         left_bytes = sum(entry.size_bytes for entry in entries)
         chosen: list[CacheEntry] = []
         for entry in sorted(entries, key=lambda entry: entry.used_at_s):
@@ -148,7 +146,7 @@ def _parse_age_s(text: str) -> float:
     return float(found[1]) * _UNITS_S[found[2]]
 
 
-def _of_kinds(entries: "Sequence[CacheEntry]", kinds: Sequence[str]) -> "list[CacheEntry]":
+def _select_kinds(entries: "Sequence[CacheEntry]", kinds: Sequence[str]) -> "list[CacheEntry]":
     return [entry for entry in entries if not kinds or entry.kind in kinds]
 
 

@@ -1,4 +1,4 @@
-"""`gslcosim compare`: whether two runs are equal to the bit, and if not, where they part."""
+"""`gslcosim compare`: bitwise comparison of two runs, with their first difference."""
 
 import argparse
 
@@ -8,6 +8,11 @@ from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim compare runs/first runs/second
   gslcosim compare warehouse_empty-seed7-20250101 warehouse_empty-seed7-20250102 --json"""
+_KINSHIPS = {
+    "a": "The first is a fork of the second at tick {tick}.",
+    "b": "The second is a fork of the first at tick {tick}.",
+    "both": "Both are forks of one run, the earlier at tick {tick}.",
+}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,13 +53,6 @@ def _run(arguments: argparse.Namespace) -> int:
         if compared.changed_agents:
             write(f"Briefed differently: {', '.join(compared.changed_agents)}.")
     return 0 if divergence is None else ExitCode.DIVERGENCE
-
-
-_KINSHIPS = {
-    "a": "The first is a fork of the second at tick {tick}.",
-    "b": "The second is a fork of the first at tick {tick}.",
-    "both": "Both are forks of one run, the earlier at tick {tick}.",
-}
 
 
 COMMAND = Command(

@@ -1,7 +1,8 @@
-"""`gslcosim completion`: the script that a shell completes words with, and the words that may stand at the cursor.
+"""`gslcosim completion`: the script by which a shell completes words, and the candidates at the cursor.
 
-The script runs gslcosim itself with `_ARGCOMPLETE` in the environment and reads what it prints, so that words are
-always those of the version, folder and packages at hand. argcomplete knows the shells, and which argument is meant.
+The script runs gslcosim itself with `_ARGCOMPLETE` in the environment and reads its output, so that the words are
+always those of the installed version, folder and packages. argcomplete handles the shells, and finds the argument at
+the cursor.
 """
 
 import argparse
@@ -19,7 +20,7 @@ EXAMPLES = """  gslcosim completion bash > ~/.local/share/bash-completion/comple
 
 
 def complete(parser: argparse.ArgumentParser, groups: Sequence[CommandGroup]) -> None:
-    """Answer a shell that asks for words, on the descriptor that its script reads, and end the process."""
+    """Answer a shell's request for words, on the descriptor that its script reads, and end the process."""
     import argcomplete
 
     for family in (each for group in groups for each in group.commands if isinstance(each, CommandFamily)):
@@ -32,7 +33,7 @@ def complete(parser: argparse.ArgumentParser, groups: Sequence[CommandGroup]) ->
     argcomplete.autocomplete(parser, always_complete_options=False, default_completer=nothing)
 
 
-# Those of the part that is meant where none is named.
+# The options of the default part.
 def _add_options(parser: argparse.ArgumentParser, part: Command) -> None:
     options = argparse.ArgumentParser(add_help=False)
     part.add_arguments(options)
@@ -65,7 +66,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from argcomplete.shell_integration import shellcode
 
-    # Bash has no names of files of its own where none fits.
+    # Bash would offer file names where no word fits.
     write(shellcode(["gslcosim"], shell=arguments.shell, complete_arguments=["-o", "nospace"]).strip())
     return 0
 

@@ -1,4 +1,4 @@
-"""`gslcosim doctor`: whether this machine can fly, one line a check, with remedies."""
+"""`gslcosim doctor`: whether this machine can run simulations, one line per check, with remedies."""
 
 import argparse
 

@@ -1,4 +1,4 @@
-"""`gslcosim fork`: repeat a run up to some time, and go on another way from there."""
+"""`gslcosim fork`: repeat a run up to some time, and continue it with changes."""
 
 import argparse
 import contextlib
@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.run_output import format_summary, note_faults, show_run_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -79,16 +80,15 @@ def _run(arguments: argparse.Namespace) -> int:
 
     is_forking = arguments.processes != "one" and ForkServer.is_possible()
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
-        return _fly(arguments, fork_server)
+        return _run_fork(arguments, fork_server)
 
 
-def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    from gslcosim.cli.run_output import format_summary, show_run_progress
+def _run_fork(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
     from gslcosim.runtime.replay.fork import prepare_fork, run_fork
     from gslcosim.runtime.replay.past_run import PastRun
     from gslcosim.scenario.checks.registry import list_scenario_checks
 
-    manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
+    manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=MANIFEST)
     past = PastRun.load(manifest.parent)
     fork = prepare_fork(
         past,
@@ -117,9 +117,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
         if fork.snapshot is not None:
             write(f"begun at   the snapshot of tick {fork.snapshot.tick}; the recording begins there")
         write(f"see both   gslcosim view {past.run_dir.path} {flight.run_dir}")
-    if not flight.result.get("valid"):
-        for fault in flight.result.get("faults", []):
-            write_note(f"{fault['participant']}: {fault['text']}")
+    note_faults(flight)
     if divergence is not None:
         write_note(
             f"The past did not repeat: different from {past.run_dir.path} from tick {divergence.tick} on, before the "
@@ -130,7 +128,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
 
 
 def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
-    """Return what sets the agents of a command line: the start of each, and no parameters, which were another's.
+    """Return overrides for the agents of a command line: the start of each, without the former agent's parameters.
 
     Args:
         scenario: The run's scenario.
@@ -151,7 +149,7 @@ def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
 
 
 def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
-    """Return what adds events to those of a run."""
+    """Return the override that adds events to those of a run."""
     from gslcosim.scenario.serialization import plain_values
 
     known = [json.dumps(event) for event in plain_values(scenario).get("events", [])]

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, add_runs_dir_option
+from gslcosim.cli.arguments import Command, add_runs_dir_option, read_certificate
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bus.interface import Certificate
     from gslcosim.runtime.network import JoinFile
     from gslcosim.runtime.remote_join import JoinResult
 
@@ -53,18 +52,18 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.network import JoinFile
 
     joined = JoinFile.read(
-        arguments.file, wait_s=arguments.wait, endpoint=arguments.endpoint, client=_client_certificate(arguments)
+        arguments.file, wait_s=arguments.wait, endpoint=arguments.endpoint, client=read_certificate(arguments)
     )
-    say = _ignore_progress if arguments.quiet or arguments.json else write_note
+    report: Callable[[str], None] = (lambda _: None) if arguments.quiet or arguments.json else write_note
     if arguments.what[:1] == [AGENT]:
-        return _fly_agent(joined, arguments.what[1:], arguments, say)
+        return _run_agent(joined, arguments.what[1:], arguments, report)
     if joined.join is None or joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected a service's join file, or agent and its program after this agent's.")
 
     from gslcosim.runtime.remote_join import join_as_services
 
     names = arguments.what or [joined.name]
-    part = join_as_services(joined.join, names, runs_dir=arguments.runs_dir, say=say, is_trusted=arguments.trusted)
+    part = join_as_services(joined.join, names, runs_dir=arguments.runs_dir, say=report, is_trusted=arguments.trusted)
     if arguments.json:
         recording = part.recording and str(part.recording)
         write_json({**asdict(part), "run_dir": str(part.run_dir), "recording": recording})
@@ -76,12 +75,14 @@ def _run(arguments: argparse.Namespace) -> int:
     return ExitCode.SUCCESS
 
 
-def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespace, say: Callable[[str], None]) -> int:
+def _run_agent(
+    joined: "JoinFile", words: list[str], arguments: argparse.Namespace, report: Callable[[str], None]
+) -> int:
     from gslcosim.runtime.remote_join import build_agent_command, join_as_agent
 
     if not joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected the join file of an agent, was that of service {joined.name}.")
-    join_as_agent(joined, build_agent_command(words, is_behind_gateway=joined.join is None), say=say)
+    join_as_agent(joined, build_agent_command(words, is_behind_gateway=joined.join is None), say=report)
     if arguments.json:
         write_json({"agent": joined.name, "exit_code": 0})
     return ExitCode.SUCCESS
@@ -96,20 +97,6 @@ def _format_result(part: "JoinResult") -> str:
     if part.recording is not None:
         lines += [f"recording  {part.recording}", f"open it    gslcosim view {part.run_dir}"]
     return "\n".join(lines)
-
-
-def _client_certificate(arguments: argparse.Namespace) -> "Certificate | None":
-    from gslcosim.bus.interface import Certificate
-
-    if arguments.tls_certificate is None and arguments.tls_key is None:
-        return None
-    if arguments.tls_certificate is None or arguments.tls_key is None:
-        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
-    return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key)
-
-
-def _ignore_progress(text: str) -> None:
-    del text
 
 
 COMMAND = Command(

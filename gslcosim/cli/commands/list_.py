@@ -1,4 +1,4 @@
-"""`gslcosim list`: what there is to put into a scenario."""
+"""`gslcosim list`: building blocks of scenarios."""
 
 import argparse
 import ast
@@ -23,7 +23,7 @@ EXAMPLES = """  gslcosim list
   gslcosim list scenarios --json"""
 
 Row = dict[str, Any]
-# Columns that a table on a terminal does not show.
+# Columns that are left out of a table on a terminal.
 _HIDDEN = ("file", "settings")
 
 
@@ -41,7 +41,7 @@ def _first_comment(path: Path) -> str:
     return first.lstrip("# ").strip() if first.startswith("#") else ""
 
 
-# Read, not imported: an agent's program may do anything when it is imported.
+# Parsed, not imported: an agent's program may do anything on import.
 def _first_docstring_line(path: Path) -> str:
     docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
     return docstring.partition("\n")[0]
@@ -62,7 +62,7 @@ def _sensors() -> list[Row]:
     ]
 
 
-# Packages are imported to be listed; one that cannot be is reported in its row, and hides no other.
+# A package has to be imported to be listed; one that fails is reported in its row, and hides no other.
 def _kinds_at(module: str, name: str) -> list[Row]:
     one_of: OneOf = getattr(import_module(f"gslcosim.scenario.models.{module}"), name)
     rows: list[Row] = []
@@ -148,7 +148,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# A table for each; those that many kinds share are listed with each, as each can have them.
+# One table per kind; settings that several kinds share are repeated for each.
 def _write_settings(rows: list[Row]) -> None:
     for row in rows:
         settings = [[each["key"], each["unit"], each["default"], each["meaning"]] for each in row.get("settings", ())]

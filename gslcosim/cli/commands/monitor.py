@@ -1,4 +1,4 @@
-"""`gslcosim runs active`, `top` and `stop`: runs that are active."""
+"""`gslcosim runs active`, `top` and `stop`: active runs."""
 
 import argparse
 import contextlib
@@ -81,7 +81,7 @@ def _top(arguments: argparse.Namespace) -> int:
 
     before = find_active_run(arguments.run)
     is_drawn_again = sys.stdout.isatty() and not arguments.once and not arguments.json
-    with _drawn_again() if is_drawn_again else contextlib.nullcontext(_write_page) as show:
+    with _draw_pages() if is_drawn_again else contextlib.nullcontext(_write_page) as show:
         while True:
             time.sleep(arguments.every)
             now = query_status(before.window)
@@ -101,7 +101,7 @@ def _top(arguments: argparse.Namespace) -> int:
 
 # Draws each page in place of the last one, which stays at the end.
 @contextlib.contextmanager
-def _drawn_again() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None]]":
+def _draw_pages() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None]]":
     with draw_pages() as draw:
 
         def draw_page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> None:
@@ -112,10 +112,10 @@ def _drawn_again() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None
 
 
 def participant_rows(before: "ActiveRun", now: "ActiveRun") -> list[dict[str, Any]]:
-    """Return the participants of a run with what two looks show together.
+    """Return the participants of a run with figures from two observations.
 
-    Beside what a look shows, `tick_rate_hz` is how many ticks a second of wall time it has finished between them, and
-    `busy` is the CPU time of its process as a share of the time between them; None where nobody knows.
+    Beside the fields of an observation, `tick_rate_hz` is the number of ticks finished per second of wall time between
+    them, and `busy` the CPU time of the process as a fraction of the time between them; None if unknown.
     """
     then = {participant["name"]: participant for participant in before.facts["participants"]}
     passed_s = max(now.looked_at_s - before.looked_at_s, 1e-9)
@@ -133,7 +133,7 @@ def _write_page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> None:
     write(f"{_head(flight)}{stall}\n\n{table(_HEADINGS, [_participant_row(row) for row in rows])}")
 
 
-# A run of an older version does not say.
+# A run of an older version has no such field.
 def _stall(flight: "ActiveRun") -> str:
     return f"STALLED: {flight.facts['stall']}" if flight.facts.get("stall") else ""
 

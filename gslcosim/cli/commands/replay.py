@@ -1,8 +1,9 @@
-"""`gslcosim replay`: run a run again from its inputs."""
+"""`gslcosim replay`: repeat a run from its inputs."""
 
 import argparse
 
-from gslcosim.cli.arguments import Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.run_output import format_summary, show_run_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim replay runs/warehouse_empty-seed7-20250101T120000-abc123
@@ -30,11 +31,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.run_output import format_summary, show_run_progress
     from gslcosim.runtime.replay.past_run import PastRun
     from gslcosim.runtime.replay.replay import replay_run
 
-    manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
+    manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=MANIFEST)
     past = PastRun.load(manifest.parent)
     with show_run_progress(f"replay of {past.run_dir.run_id}", is_quiet=arguments.quiet or arguments.json) as report:
         replayed = replay_run(

@@ -1,4 +1,4 @@
-"""`gslcosim runs`: the runs of folders as a table; those that meet conditions; removed, or made whole."""
+"""`gslcosim runs`: the runs in folders as a table, filtered by conditions; removal of runs, repair of recordings."""
 
 import argparse
 import dataclasses
@@ -26,20 +26,31 @@ from gslcosim.recordings.run_summary import Condition, RunSummary, is_run_folder
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunSummary))
 TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")
 NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
-# As the headings of the table have them.
+# As in the headings of the table.
 SHORT_NAMES = {"time": "time_s", "size": "size_mb", "age": "age_h"}
+EXAMPLES = """  gslcosim runs
+  gslcosim runs runs results/smoke --where outcome=collision --where 'time<60' --sort -time
+  gslcosim runs --where 'scenario=gsl_bench_*' --limit 10 --json
+  gslcosim runs remove --where outcome!=success --where 'age>24'
+  gslcosim runs repair runs/tiny_room-seed7-20250101T120000-a1b2c3"""
+_SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
+_HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
+_ACTIONS = ("remove", "repair")
+# A run without a result and with a write this recent may belong to another user, or to another host.
+_QUIET_H = 10 / 60
+_UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RowReader:
-    """Reader of folders that are no runs and have rows like runs: `is_own` says whether a folder is one of its own."""
+    """Reader of folders that are no runs and have rows like runs; `is_own` returns whether it can read a folder."""
 
     is_own: Callable[[Path], bool]
     read: Callable[[Path], Sequence[RunSummary]]
 
 
-def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """Return the runs in some folders, with the rows of folders that extensions read."""
+def collect_rows(folders: Sequence[Path], progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
+    """Return the runs in folders, with the rows of folders that extensions read."""
     facts: list[RunSummary] = []
     readers = tuple(load_registered(RUN_ROWS_GROUP, instance_of(RowReader), "a RowReader"))
     for folder in folders:
@@ -49,10 +60,10 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
             facts += reader.read(folder)
             continue
         for path in _folders_in(folder):
-            facts.append(_facts_or_why_not(path))
-            if tell is not None and len(facts) % 500 == 0:
-                tell(len(facts))
-    # Not `dataclasses.asdict`, which copies each value.
+            facts.append(_read_row(path))
+            if progress is not None and len(facts) % 500 == 0:
+                progress(len(facts))
+    # Faster than `dataclasses.asdict`, which copies each value.
     rows = [{name: getattr(one, name) for name in COLUMNS} for one in facts]
     if any(row["state"] == "broken" for row in rows):
         _mark_running(rows)
@@ -70,15 +81,15 @@ def _folders_in(folder: Path) -> list[Path]:
         ) from error
 
 
-# One folder that cannot be read, or is gone by now, is no reason to show none.
-def _facts_or_why_not(path: Path) -> RunSummary:
+# A folder that cannot be read, or has vanished, does not hide the others.
+def _read_row(path: Path) -> RunSummary:
     try:
         return read_run_summary(path)
     except OSError as error:
         return RunSummary(run=path.name, folder=str(path), state="foreign", outcome=describe_os_error(error))
 
 
-# A run without a result is asked for at the windows of runs.
+# A run without a result may be active.
 def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
     from gslcosim.runtime.status import list_active_runs
 
@@ -94,20 +105,6 @@ def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
                 "time_s": flight["sim_time_s"],
                 "speed": flight["real_time_factor"],
             }
-
-
-EXAMPLES = """  gslcosim runs
-  gslcosim runs runs results/smoke --where outcome=collision --where 'time<60' --sort -time
-  gslcosim runs --where 'scenario=gsl_bench_*' --limit 10 --json
-  gslcosim runs remove --where outcome!=success --where 'age>24'
-  gslcosim runs repair runs/tiny_room-seed7-20250101T120000-a1b2c3"""
-
-_SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
-_HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
-_ACTIONS = ("remove", "repair")
-# What has no result and was written to so lately may be run by another user, or on another host.
-_QUIET_H = 10 / 60
-_UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -186,7 +183,7 @@ def _cell(name: str, row: Mapping[str, Any]) -> str:
 
 
 def format_age(age_h: float) -> str:
-    """Return an age [h] in the unit in which people say it."""
+    """Return an age [h] in a unit of suitable size."""
     factor, unit = next((factor, unit) for below_h, factor, unit in _UNITS if age_h < below_h)
     return f"{age_h * factor:.0f} {unit}"
 
@@ -196,8 +193,10 @@ def _remove(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
         raise UsageError(
             "gslcosim runs remove: expected --where, which says what to remove, for example --where outcome!=success."
         )
-    removable = [row for row in rows if not _why_kept(row)]
-    kept = [{"run": row["run"], "folder": row["folder"], "why": why} for row in rows if (why := _why_kept(row))]
+    removable = [row for row in rows if not _find_reason_to_keep(row)]
+    kept = [
+        {"run": row["run"], "folder": row["folder"], "why": why} for row in rows if (why := _find_reason_to_keep(row))
+    ]
     size_mb = sum(row["size_mb"] or 0.0 for row in removable)
     if arguments.yes:
         for row in removable:
@@ -216,7 +215,7 @@ def _remove(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
     return 0
 
 
-def _why_kept(row: Mapping[str, Any]) -> str:
+def _find_reason_to_keep(row: Mapping[str, Any]) -> str:
     if row["state"] == "foreign":
         return "not a run"
     if row["state"] == "running":
@@ -228,7 +227,7 @@ def _why_kept(row: Mapping[str, Any]) -> str:
     return ""
 
 
-# Nothing is followed out of the folder, and a half removed one is no run any more.
+# Symbolic links out of the folder are not followed, and a half removed run is no longer listed as a run.
 def _remove_folder(folder: Path) -> None:
     try:
         remove_tree(folder)

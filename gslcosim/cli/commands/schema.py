@@ -1,4 +1,4 @@
-"""`gslcosim schema`: the contract between gslcosim and agents, for every language, and schemas of files for editors."""
+"""`gslcosim schema`: the contract between gslcosim and agents, for all languages, and schemas of files for editors."""
 
 import argparse
 import shutil
@@ -69,7 +69,7 @@ def _export_file_schemas(folder: Path, *, is_json: bool) -> int:
     return 0
 
 
-# The names of the files, those for programs to begin with first, then the files of each message.
+# Return the names of the files, the index files first, then the files of each message.
 def _copy_contract(folder: Path) -> list[str]:
     from gslcosim.base.bundled import bundled_contract
     from gslcosim.contract.schema import list_published_types

@@ -1,4 +1,4 @@
-"""`gslcosim step`: step, reset and look into a simulation, by its options or by lines from standard input."""
+"""`gslcosim step`: step, reset and inspect a simulation, by options or by lines from standard input."""
 
 import argparse
 import json
@@ -30,7 +30,7 @@ LINES = """lines: step [TICKS]            simulate ticks (default: 1; an empty l
        reset [SEED]             start again before tick 0
        quit                     end"""
 
-# How often it is looked whether Ctrl-C was pressed.
+# Period of the check for Ctrl-C.
 _WAKE_UP_S = 0.5
 _parse_ticks = build_number_parser("a whole number of at least 1", lambda number: number >= 1 and number % 1 == 0)
 
@@ -63,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 class _Shell:
-    """Carries out lines, and prints the state after each: as text, or as one JSON object a line."""
+    """Executes lines and prints the state after each: as text, or as one JSON object per line."""
 
     def __init__(self, simulation: "Simulation", *, is_json: bool, has_truth: bool) -> None:
         self._simulation = simulation
@@ -95,7 +95,7 @@ class _Shell:
             try:
                 self._carry_out(line)
             except UsageError as error:
-                # One line that is wrong ends nothing.
+                # A wrong line does not end the session.
                 self._show({"error": str(error)}, str(error))
             finish_output()
 
@@ -214,7 +214,7 @@ def _parse_whole(text: str, word: str) -> int:
         raise UsageError(f"{word}: expected a whole number, was {text!r}.") from error
 
 
-# Rows of an IMU's physics steps are for its model, and too long to read.
+# Rows of an IMU's physics steps are input of its model, and too long to read.
 def _as_fields(record: "Record") -> dict[str, Any]:
     from gslcosim.contract import codec
 

@@ -2,22 +2,26 @@
 
 import argparse
 import contextlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
+from gslcosim.cli.arguments import (
+    Command,
+    add_pace_option,
+    add_runs_dir_option,
+    add_scenario_arguments,
+    load_checked,
+    read_certificate,
+)
 from gslcosim.cli.commands.view import add_live_options, open_live_view
+from gslcosim.cli.run_output import Report, format_summary, note_faults, show_run_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bus.interface import Certificate
     from gslcosim.runtime.network import Network
     from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
 
-Report = Callable[["RunStatus"], None]
 UP_EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
@@ -111,20 +115,18 @@ def _run_up(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
-    # First of all: it imports what services need while the scenario is read and checked.
+    # First, as it imports the packages of services while the scenario is read and checked.
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
-        return run_scenario(arguments, fork_server)
+        return _run_scenario(arguments, fork_server)
 
 
-def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    """Run the scenario of parsed words, report how it went, and return the exit code."""
+def _run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
     loaded = load_checked(arguments)
 
-    from gslcosim.cli.run_output import format_summary, show_run_progress
     from gslcosim.runtime.run import run_scenario
 
     network = _network(arguments)
-    is_told = not arguments.quiet and not arguments.json
+    is_shown = not arguments.quiet and not arguments.json
     title = f"{loaded.name}, seed {loaded.scenario.seed}"
     with open_live_view(arguments.live, loaded.scenario) as live:
         with show_run_progress(title, is_quiet=arguments.quiet or arguments.json) as report:
@@ -134,21 +136,19 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
                 processes=arguments.processes,
                 network=network,
                 fork_server=fork_server,
-                report=live.passing_on(_note_join_files(report, network) if network.elsewhere and is_told else report),
+                report=live.passing_on(_note_join_files(report, network) if network.elsewhere and is_shown else report),
             )
         live.end()
         if arguments.json:
             write_json(flight.result)
         elif not arguments.quiet:
             write(format_summary(flight))
-        if not flight.result.get("valid"):
-            for fault in flight.result.get("faults", []):
-                write_note(f"{fault['participant']}: {fault['text']}")
+        note_faults(flight)
         live.stay_open(flight.exit_code)
     return flight.exit_code
 
 
-# Who starts the services needs to know where their join files are.
+# The services on other hosts need their join files.
 def _note_join_files(report: Report, network: "Network") -> Report:
     def note_and_report(status: "RunStatus") -> None:
         if status.run_dir is not None:
@@ -167,27 +167,10 @@ def _network(arguments: argparse.Namespace) -> "Network":
         listen=tuple(arguments.listen),
         elsewhere=tuple(dict.fromkeys(named)),
         join_dir=arguments.join_dir,
-        tls=_certificate(arguments),
+        tls=read_certificate(arguments),
         lease_s=DEFAULT_LEASE_S if arguments.lease_s is None else arguments.lease_s,
         is_insecure=arguments.insecure,
         window_ticks=arguments.window_ticks,
-    )
-
-
-def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
-    from gslcosim.bus.interface import Certificate
-
-    if arguments.tls_certificate is None and arguments.tls_key is None:
-        if arguments.tls_ca is not None or arguments.tls_client_ca is not None:
-            raise UsageError("expected --tls-certificate and --tls-key with --tls-ca or --tls-client-ca, found none.")
-        return None
-    if arguments.tls_certificate is None or arguments.tls_key is None:
-        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
-    return Certificate(
-        certificate=arguments.tls_certificate,
-        private_key=arguments.tls_key,
-        ca=arguments.tls_ca,
-        client_ca=arguments.tls_client_ca,
     )
 
 

@@ -1,4 +1,4 @@
-"""`gslcosim validate`: all problems of a file, of whatever kind, before a run."""
+"""`gslcosim validate`: all problems of a file, of any kind, before a run."""
 
 import argparse
 from dataclasses import asdict

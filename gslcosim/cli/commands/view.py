@@ -4,12 +4,13 @@ import argparse
 import contextlib
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, RecordingError, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, build_number_parser, find_in_run
+from gslcosim.cli.run_output import Report
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
@@ -17,7 +18,15 @@ if TYPE_CHECKING:
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import Scenario
 
-Report = Callable[["RunStatus"], None]
+EXAMPLES = """  gslcosim view                                   the newest run
+  gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
+  gslcosim view runs/first runs/second --align first_contact
+  gslcosim view --at 120
+  gslcosim view hall                              the environment in the folder hall
+  gslcosim view --web
+  gslcosim view --screenshot run.png --window-size 1600x1000"""
+ENVIRONMENT_HEADER = "environment.yaml"
 
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +56,7 @@ class RunViewer:
         self._is_over = threading.Event()
 
     def passing_on(self, report: Report) -> Report:
-        """Return what a run reports to in place of `report`, so that it is shown from its beginning."""
+        """Return a report function that shows the run from its beginning and then calls `report`."""
         view = self._view
         if view is None:
             return report
@@ -60,11 +69,11 @@ class RunViewer:
         return show_and_report
 
     def end(self) -> None:
-        """Say that the run is over, and that nothing more will be written."""
+        """Mark the run as over: nothing more will be written."""
         self._is_over.set()
 
     def stay_open(self, exit_code: int) -> None:
-        """Return when the person has closed the viewer, or presses Ctrl-C; at once where the run was interrupted."""
+        """Wait until the viewer is closed or Ctrl-C is pressed; return at once if the run was interrupted."""
         if self._view is not None and exit_code != ExitCode.INTERRUPTED:
             _wait_until_closed(self._view)
 
@@ -77,7 +86,7 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
         return
     if not scenario.recording.enabled:
         raise UsageError("--live and --serve show the recording: expected recording.enabled to be true, was false.")
-    view = _opened(kind)
+    view = _open_viewer(kind)
     flight = RunViewer(view)
     try:
         yield flight
@@ -87,11 +96,11 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
 
 
 def serve_until_closed(recording: Path) -> None:
-    """Serve a recording that is complete to browsers of this machine until Ctrl-C."""
+    """Serve a complete recording to browsers of this machine until Ctrl-C."""
     from gslcosim.recordings.viewer import N_TRIES
 
     for _ in range(N_TRIES):
-        view = _opened("browser")
+        view = _open_viewer("browser")
         try:
             view.show(recording, lambda: True)
             if _wait_until_closed(view):
@@ -100,14 +109,14 @@ def serve_until_closed(recording: Path) -> None:
             view.close()
 
 
-def _opened(kind: "ViewerKind") -> "LiveViewer":
+def _open_viewer(kind: "ViewerKind") -> "LiveViewer":
     from gslcosim.base.processes import build_parent_death_prefix
     from gslcosim.recordings.viewer import LiveViewer
 
     return LiveViewer(kind, lambda address: write_note(f"Watch it at {address}"), prefix=build_parent_death_prefix())
 
 
-# Whether it has shown all of the recording.
+# Return whether all of the recording was shown.
 def _wait_until_closed(view: "LiveViewer") -> bool:
     is_shown = False
     try:
@@ -117,24 +126,11 @@ def _wait_until_closed(view: "LiveViewer") -> bool:
             write_note("The viewer stays open until Ctrl-C.")
         view.wait_until_closed()
     except RecordingError as error:
-        # What it has shown is as good without it.
+        # The recording is complete without the viewer.
         write_note(str(error))
     except KeyboardInterrupt:
         return True
     return is_shown
-
-
-EXAMPLES = """  gslcosim view                                   the newest run
-  gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
-  gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
-  gslcosim view runs/first runs/second --align first_contact
-  gslcosim view --at 120
-  gslcosim view hall                              the environment in the folder hall
-  gslcosim view --web
-  gslcosim view --screenshot run.png --window-size 1600x1000"""
-
-
-ENVIRONMENT_HEADER = "environment.yaml"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -190,7 +186,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# An environment's recording is made to be looked at, and is gone afterwards.
+# An environment's recording exists only while it is shown.
 @contextlib.contextmanager
 def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
     run = arguments.runs[0] if arguments.runs else None

@@ -307,8 +307,7 @@ def _level(k_m2_s2: float, epsilon_m2_s3: float) -> Level:
 # (n, 3) velocities of the inlet's faces, in the order of the mesh: that of their cells.
 def _inlet_velocities(placed: PlacedPatch, domain: Domain) -> F32:
     assert placed.inflow is not None, "inlets have one"
-    inside = LOW + domain.shape[placed.axis] - 1 if placed.is_high else LOW
-    return placed.inflow.profile_m_s[domain.air[placed.layer(inside)]]
+    return placed.inflow.profile_m_s[domain.air[placed.layer(placed.inside)]]
 
 
 def _fixed(velocity_m_s: Iterable[float]) -> Condition:

@@ -10,6 +10,7 @@ from contract_examples import EXAMPLES
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.contract.messages import AGENT_KINDS, Command
+from gslcosim.contract.record import validate_fields
 from gslcosim.vehicles import list_vehicle_names
 from gslcosim_services.world.core import WorldCore
 from gslcosim_services.world.path_follower import OVERTURNED_NOTICE
@@ -58,7 +59,7 @@ def test_all_kinds_are_tried():
 def test_numbers_that_are_not_finite_are_no_commands(fields, number):
     for path in leaves(fields):
         with pytest.raises(ValueError, match=r"expected|[Ii]nput"):
-            Command.model_validate({"tick": 0, **with_leaf(fields, path, number)})
+            validate_fields(Command, {"tick": 0, **with_leaf(fields, path, number)})
 
 
 def is_sound(body):
@@ -84,7 +85,7 @@ def test_numbers_beyond_all_reason_are_answered_and_harm_nobody(make_pilot, mode
     for path in leaves(fields):
         for number in (1e6, -1e6):
             try:
-                Command.model_validate({"tick": 0, **with_leaf(fields, path, number)})
+                validate_fields(Command, {"tick": 0, **with_leaf(fields, path, number)})
             except ValueError:
                 continue
             body = pilot.step(agent_0=with_leaf(fields, path, number))
