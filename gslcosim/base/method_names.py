@@ -1,17 +1,17 @@
-"""Names of search methods in lists, tables and titles, from what starts an agent."""
+"""Names of search methods in lists, tables and titles, from the start of an agent."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 ATTACHED = "attached"
 _GENERIC = frozenset({"agent", "main"})
-# Folders on the way from a project to what was built of it.
+# Folders between a project and its build products.
 _BUILD_FOLDERS = frozenset({"bin", "build", "debug", "dist", "release", "src", "target"})
 _SCRIPTS = frozenset({".jar", ".java", ".jl", ".js", ".lua", ".m", ".mjs", ".pl", ".py", ".r", ".rb", ".sh", ".ts"})
 
 
 def name_method(*, python: str | None = None, command: Sequence[str] = (), method: str | None = None) -> str:
-    """Return the name of the method of an agent that is started so, or attaches itself.
+    """Return the name of an agent's method from the start of the agent; `attached` if there is none.
 
     A bundled agent has its own name and a program that of its file, without its ending. Files called `agent` or `main`
     are named after their folder. An interpreter with a script has the name of the script.
