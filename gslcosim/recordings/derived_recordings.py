@@ -37,11 +37,11 @@ def record_from_tick(
 ) -> None:
     """Write a copy of a recording that opens at a tick.
 
-    The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
+    The viewer's cursor can only be set by playing a selection, or by following the end.
 
     Args:
-        tick: Where it opens.
-        is_still: Whether what comes later is left out, and nothing plays; otherwise the viewer plays from there on.
+        tick: Tick at which it opens.
+        is_still: Whether later data are left out, and nothing plays; otherwise the viewer plays from there on.
     """
     chunks = shown_chunks(recording)
     last_tick = max((last for chunk in chunks if (last := _last_tick(chunk)) is not None), default=0)
@@ -116,16 +116,16 @@ def _has_notes(chunk: Chunk) -> bool:
 
 
 MAX_RUNS = 8
-# Of these the first run's are shown for all: they are the same where neither gas nor wind differ.
+# Of these the first run's are shown for all: they are the same unless gas or wind differ.
 _SHARED_ENTITIES = tuple(
     stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
 )
 _LOGS = tuple(log.entity for log in streams.LOGS)
-# An agent's name is the next part of a path.
+# The next part of the path is an agent's name.
 _AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
-# What stands still and is not drawn again.
+# Static entities that are copied, not drawn again.
 _COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
-# Where lines across the curves say that runs part.
+# Plots with a line at the tick at which runs diverge.
 _MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
 _DIVERGENCE_ENTITY = "they_part"
 _DIVERGENCE_COLOR = colors.CONTACT
@@ -133,7 +133,7 @@ _DIVERGENCE_COLOR = colors.CONTACT
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """A run with its recording; `text` says in a line how it went."""
+    """A run with its recording; `text` is its outcome in a line."""
 
     recording: Path
     scenario: Scenario
@@ -171,9 +171,9 @@ def record_side_by_side(
 
     Args:
         runs: Two runs or more, all in `environment` and with equal ticks.
-        divergence: Where they part, to be marked; not where they are moved in time.
-        is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
-            first run has.
+        divergence: Where they diverge, to be marked; ignored if runs are shifted in time.
+        is_by_contact: Whether the other runs are shifted in time, so that all have their first contact with gas at that
+            of the first run.
     """
     if len(runs) > MAX_RUNS:
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")
@@ -206,7 +206,7 @@ def record_side_by_side(
         file.close()
 
 
-# By old name the new one: a lone agent is called after its method, which says more than its name.
+# New names of agents by the old ones: a lone agent is named after its method, which is more informative.
 def _rename_agents(letter: str, scenario: Scenario) -> dict[str, str]:
     agents = scenario.agents
     if len(agents) == 1 and scenario.methods[agents[0].name] != ATTACHED:
@@ -235,7 +235,7 @@ def _draw(
         rows.draw(file, label=f"{names.agent.name} ")
         if names.agent.name in believers:
             rows.belief.draw(file, label=f"{names.agent.name} ")
-        # What is drawn at all times wins over the colour of each row.
+        # Static data take precedence over the colour of each row.
         for points in (streams.WAYPOINTS, streams.MARKS):
             file.draw(names.at(points), rr.Points3D.from_fields(colors=[names.color]))
     file.draw(streams.LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
@@ -337,7 +337,7 @@ def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
     return [piece.with_entity_path(f"{path}/{letter}") for piece in said]
 
 
-# A line across the curves, and a point where the first vehicle is then.
+# A line across the curves, and a point at the first vehicle's position in that tick.
 def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Divergence, chunks: Sequence[Chunk]) -> None:
     label = f"they part at {seconds_from_ticks(divergence.tick, scenario.tick_ns):g} s"
     names = build_entities(scenario)[0]
@@ -352,11 +352,11 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
         values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
         if values:
             entity = f"{plot}/{_DIVERGENCE_ENTITY}"
-            # The viewer would draw the mean of both ends.
+            # With aggregation the viewer would draw the mean of both ends.
             whole = rr.components.AggregationPolicy.Off
             line = rr.SeriesLines(names=[label], colors=[_DIVERGENCE_COLOR], widths=[1.5], aggregation_policy=whole)
             file.draw(entity, line)
-            # A tick wide: of two values at one tick the viewer draws the last.
+            # One tick wide: of two values at one tick the viewer draws the last.
             ends = [min(values), max(values)]
             file.send(entity, [divergence.tick, divergence.tick + 1], rr.Scalars.columns(scalars=ends))
     file.send(

@@ -1,4 +1,4 @@
-"""Changes that a fork may make to the scenario of its run: nothing that the past depends on."""
+"""Changes that a fork may make to its run's scenario: none on which its past depends."""
 
 import re
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from gslcosim.scenario.serialization import plain_values
 
 
 def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
-    """Yield what a fork would change of the events that its past depends on."""
+    """Yield the changes of a fork to events on which its past depends."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     past = [event for event in before.events if _could_be_past(event, before, at_tick)]
     for i, event in enumerate(after.events):
@@ -47,11 +47,11 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
     return {source for source, is_start in firsts.items() if is_start}
 
 
-# Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
+# Processes of agents, their inputs and settings, and output: none of it is in a message of the past.
 _CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
 _CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
 _TIME_LIMIT = "referee.stop.time_limit_s"
-# By the beginning of a path: why it is part of the past.
+# Reason for being part of the past, by the beginning of a path.
 _REASONS = (
     ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
     ("environment", "the run was flown in that room"),
@@ -66,7 +66,7 @@ _REASONS = (
 
 
 def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
-    """Hold a fork's scenario against that of the run it forks."""
+    """Refuse changes of a fork's scenario to the past of its run."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     blocks = [*_CHANGEABLE_BLOCKS, *(key.name for key in list_live_keys())]
     pattern = re.compile(rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|({'|'.join(blocks)})\b.*|pace|name")
@@ -91,7 +91,7 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
 
 
 def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:
-    """Yield the paths at which plain values differ, such as `agents[0].start.python`; a lack is a difference."""
+    """Yield the paths at which plain values differ or are missing, such as `agents[0].start.python`."""
     if isinstance(before, dict) and isinstance(after, dict):
         old, new = cast("dict[str, Any]", before), cast("dict[str, Any]", after)
         for key in dict.fromkeys([*old, *new]):
@@ -107,7 +107,7 @@ def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:
         yield at
 
 
-# Others are changed as a whole: an item more would shift those behind it.
+# Other lists are compared as a whole: one item more would shift those behind it.
 def _are_block_lists(before: Any, after: Any) -> tuple[list[Any], list[Any]] | None:
     if not (isinstance(before, list) and isinstance(after, list)):
         return None

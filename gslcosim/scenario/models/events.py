@@ -1,4 +1,4 @@
-"""Events of a scenario: a block for each thing that may happen, at a time or upon a condition."""
+"""Events of a scenario: a block for each kind, at a time or upon a condition."""
 
 import re
 from typing import Annotated, ClassVar, Literal, Self
@@ -11,7 +11,7 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.contract.participant_messages import build_own_port
 from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec
 
-# Of a participant: a word of its `writes`, and the name of a value that it writes there.
+# For participants: a word of its `writes`, and the name of a value that it writes there.
 VALUE_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}\.[a-z][a-z0-9_]{0,39}")
 
 
@@ -109,7 +109,7 @@ class TriggerSpec(Spec):
 
     @property
     def value_port(self) -> str | None:
-        """The port that the value is on; nothing where the condition is about a vehicle."""
+        """Port of the value; None if the condition is on a vehicle."""
         if self.participant is None or self.value is None:
             return None
         return build_own_port(self.participant, self.value.partition(".")[0])
@@ -162,7 +162,7 @@ class EventSpec(Spec):
 
     @property
     def about_agent(self) -> str | None:
-        """The agent that it happens to, if it happens to one."""
+        """Agent of the event, if it concerns one."""
         return None
 
     @property
@@ -201,7 +201,7 @@ class SourceStartsSpec(SourceEventSpec):
 
 
 class SourceStopsSpec(SourceEventSpec):
-    """A source stops to release gas; what is in the air stays there. Its release goes on unseen and may start again."""
+    """A source stops releasing gas; gas in the air stays. Its release continues unseen and may start again."""
 
     what: Literal["source_stops"] = Field(default="source_stops", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -233,10 +233,10 @@ class SourceRateSpec(SourceEventSpec):
 
 
 class WindChangesSpec(EventSpec):
-    """The wind is another from then on, everywhere at once: faster or slower, or as another inlet makes it.
+    """The wind changes from then on, everywhere at once: to another speed, or to the wind of another inlet.
 
-    The wind of another inlet is made before the run in the same room, with everything else of `wind` as it is; an event
-    with neither key brings the scenario's own wind back. The time that a room takes to follow is left out.
+    The wind of another inlet is solved before the run in the same room, with everything else of `wind` as it is; an
+    event with neither key restores the scenario's own wind. The time that a room takes to follow is left out.
     """
 
     drives_wind: ClassVar[bool] = True
@@ -300,7 +300,7 @@ class SensorEventSpec(EventSpec):
 
     @property
     def about_agent(self) -> str | None:
-        """The agent that it happens to."""
+        """Agent of the sensor."""
         return self.agent
 
     @property
@@ -314,7 +314,7 @@ class SensorEventSpec(EventSpec):
 
 
 class SensorDropsOutSpec(SensorEventSpec):
-    """A sensor measures no more: its readings say `is_warming_up`, and their values mean nothing."""
+    """A sensor stops measuring: its readings have `is_warming_up`, and their values mean nothing."""
 
     what: Literal["sensor_drops_out"] = Field(default="sensor_drops_out", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -324,7 +324,7 @@ class SensorDropsOutSpec(SensorEventSpec):
 
 
 class SensorSticksSpec(SensorEventSpec):
-    """A sensor repeats its last reading, and nothing in the reading says so."""
+    """A sensor repeats its last reading, without any sign of it in the reading."""
 
     what: Literal["sensor_sticks"] = Field(default="sensor_sticks", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -334,7 +334,7 @@ class SensorSticksSpec(SensorEventSpec):
 
 
 class SensorDriftsSpec(SensorEventSpec):
-    """A sensor with a `drift_per_s` of its own drifts away from then on, beside that one."""
+    """A sensor drifts from then on, in addition to its own `drift_per_s`."""
 
     what: Literal["sensor_drifts"] = Field(default="sensor_drifts", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     drift_per_s: float = Field(description="drift per second, in the unit of its readings")
@@ -345,7 +345,7 @@ class SensorDriftsSpec(SensorEventSpec):
 
 
 class SensorBiasedSpec(SensorEventSpec):
-    """A sensor with a `bias` of its own has another one beside it."""
+    """A sensor has another bias, in addition to its own `bias`."""
 
     what: Literal["sensor_biased"] = Field(default="sensor_biased", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     bias: float = Field(description="offset of each value, in the unit of its readings")
@@ -366,7 +366,7 @@ class SensorRecoversSpec(SensorEventSpec):
 
 
 class RotorWeakensSpec(EventSpec):
-    """A rotor of a vehicle gives a share of its thrust and torque; the vehicle's control does not know."""
+    """A rotor gives a fraction of its thrust and torque; the vehicle's control does not detect it."""
 
     what: Literal["rotor_weakens"] = Field(default="rotor_weakens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     agent: Name = Field(description="agent of the vehicle")
@@ -375,7 +375,7 @@ class RotorWeakensSpec(EventSpec):
 
     @property
     def about_agent(self) -> str | None:
-        """The agent that it happens to."""
+        """Agent of the vehicle."""
         return self.agent
 
     @property
@@ -392,7 +392,7 @@ class RadioEventSpec(EventSpec):
 
     @property
     def about_agent(self) -> str | None:
-        """The agent that it happens to, if it is one."""
+        """Agent of the radio, if it is one."""
         return self.agent
 
     @property
@@ -412,7 +412,7 @@ class RadioLostSpec(RadioEventSpec):
 
 
 class RadioReturnsSpec(RadioEventSpec):
-    """Undoes those `radio_lost` that name the same agent and channel."""
+    """Undoes each `radio_lost` with the same agent and channel."""
 
     what: Literal["radio_returns"] = Field(default="radio_returns", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
