@@ -8,6 +8,51 @@ from enum import IntEnum
 from pathlib import Path
 from typing import ClassVar
 
+if sys.platform != "win32":
+    import resource
+
+_FREE_SPACE_REMEDY = "Free room there, or choose another disk."
+_PERMISSION_REMEDY = "Change its permissions, or choose another place."
+_FILE_TYPE_REMEDY = "A file is where a folder should be, or the other way round: move it away, or choose another place."
+_REMEDIES = {
+    errno.ENOSPC: _FREE_SPACE_REMEDY,
+    errno.EDQUOT: _FREE_SPACE_REMEDY,
+    errno.EFBIG: "Raise the limit on the size of a file (ulimit -f), or choose another disk.",
+    errno.EROFS: "Choose a place on a disk that can be written.",
+    errno.EACCES: _PERMISSION_REMEDY,
+    errno.EPERM: _PERMISSION_REMEDY,
+    errno.ENOENT: "Make it, or choose another place.",
+    errno.ENOTDIR: _FILE_TYPE_REMEDY,
+    errno.EEXIST: _FILE_TYPE_REMEDY,
+    errno.EISDIR: _FILE_TYPE_REMEDY,
+    errno.ELOOP: "A symbolic link is where a file or folder of its own should be: take it away.",
+    errno.EMFILE: "Raise the limit on open files (ulimit -n).",
+    errno.ENFILE: "Close programs.",
+    errno.ENOMEM: "Close programs, or raise the limit on memory (ulimit -v).",
+    errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
+    errno.EIO: "Check the disk.",
+}
+RESOURCE_ERRNOS = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
+"""Error numbers of exhausted resources, whatever the request."""
+
+_TARGET_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EEXIST)
+_PATH_ERRNOS = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
+# Messages of Python and packages for lack of memory, without an error class of its own.
+_MEMORY_MESSAGES = (
+    "cannot allocate memory",
+    "failed to map segment",
+    "could not allocate memory",
+    "out of memory",
+)
+# llvmlite's message for every reason for which its library could not be loaded.
+_LIBRARY_MESSAGE = "could not find/load shared object"
+# The system gives one reason for both: no more processes (threads count as such), or no room for a stack.
+_PROCESS_MESSAGES = ("can't start new thread", "resource temporarily unavailable")
+# With a smaller address space third-party packages hang or abort on import, without a reason.
+MIN_ADDRESS_SPACE_MB = 1200
+# Package that builds and refuses messages.
+_CONTRACT = Path(__file__).resolve().parents[1] / "contract"
+
 
 class ExitCode(IntEnum):
     """Exit codes of the command line; each stands for the party that has to act."""
@@ -109,50 +154,6 @@ class RunTimeoutError(GslCosimError):
     """Nothing moved for longer than allowed; the text lists the processes and what each waits for."""
 
     exit_code = ExitCode.TIMEOUT
-
-
-if sys.platform != "win32":
-    import resource
-
-_FREE_SPACE_REMEDY = "Free room there, or choose another disk."
-_PERMISSION_REMEDY = "Change its permissions, or choose another place."
-_FILE_TYPE_REMEDY = "A file is where a folder should be, or the other way round: move it away, or choose another place."
-_REMEDIES = {
-    errno.ENOSPC: _FREE_SPACE_REMEDY,
-    errno.EDQUOT: _FREE_SPACE_REMEDY,
-    errno.EFBIG: "Raise the limit on the size of a file (ulimit -f), or choose another disk.",
-    errno.EROFS: "Choose a place on a disk that can be written.",
-    errno.EACCES: _PERMISSION_REMEDY,
-    errno.EPERM: _PERMISSION_REMEDY,
-    errno.ENOENT: "Make it, or choose another place.",
-    errno.ENOTDIR: _FILE_TYPE_REMEDY,
-    errno.EEXIST: _FILE_TYPE_REMEDY,
-    errno.EISDIR: _FILE_TYPE_REMEDY,
-    errno.ELOOP: "A symbolic link is where a file or folder of its own should be: take it away.",
-    errno.EMFILE: "Raise the limit on open files (ulimit -n).",
-    errno.ENFILE: "Close programs.",
-    errno.ENOMEM: "Close programs, or raise the limit on memory (ulimit -v).",
-    errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
-    errno.EIO: "Check the disk.",
-}
-RESOURCE_ERRNOS = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
-"""Error numbers of exhausted resources, whatever the request."""
-
-_TARGET_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EEXIST)
-_PATH_ERRNOS = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
-# Messages of Python and packages for lack of memory, without an error class of its own.
-_MEMORY_MESSAGES = (
-    "cannot allocate memory",
-    "failed to map segment",
-    "could not allocate memory",
-    "out of memory",
-)
-# llvmlite's message for every reason for which its library could not be loaded.
-_LIBRARY_MESSAGE = "could not find/load shared object"
-# The system gives one reason for both: no more processes (threads count as such), or no room for a stack.
-_PROCESS_MESSAGES = ("can't start new thread", "resource temporarily unavailable")
-# With a smaller address space third-party packages hang or abort on import, without a reason.
-MIN_ADDRESS_SPACE_MB = 1200
 
 
 def check_address_space() -> None:
@@ -275,10 +276,6 @@ def translate(error: BaseException) -> MachineError | None:
 def _is_kernel_cache_error(error: BaseException) -> bool:
     frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
     return "numba.core.caching" in frames
-
-
-# Package that builds and refuses messages.
-_CONTRACT = Path(__file__).resolve().parents[1] / "contract"
 
 
 def cut_contract_frames(error: BaseException) -> None:

@@ -15,12 +15,25 @@ from typing import BinaryIO, Self
 
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, describe_os_error
 
+if sys.platform != "win32":
+    import fcntl
+
 # Absent on systems other than Linux and macOS, where links are followed as usual.
 _NOFOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _DIRECTORY_FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | _NOFOLLOW
 # Opening a pipe in place of a file must not wait for the pipe's reader.
 _NONBLOCK = getattr(os, "O_NONBLOCK", 0)
 _SUPPORTS_DIR_FD = os.open in os.supports_dir_fd
+PREFIX = "gslcosim-"
+# Locked by the owner for its lifetime; the lock ends with the process, however that ends.
+OWNER_FILE = ".owner"
+# Maximum address of a unix socket [bytes]. Below the parent: a folder, and a name of at most 12 bytes.
+SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
+_SOCKET_NAME_BYTES = len(f"/{PREFIX}check-12345678/") + 12
+_USER_DIRECTORY_VARIABLE = "XDG_RUNTIME_DIR"
+_MAX_OWNERLESS_S = 60.0
+MAX_FOLDER_LEVELS = 64
+"""Depth to which foreign folders may be nested; ours are six deep."""
 
 
 def write_all(fd: int, data: bytes | memoryview) -> None:
@@ -130,10 +143,6 @@ def _open_folder(root: Path, name: str) -> Iterator[tuple[int | None, str]]:
         yield folder, last
 
 
-if sys.platform != "win32":
-    import fcntl
-
-
 @contextlib.contextmanager
 def hold_lock(path: Path) -> Iterator[None]:
     """Hold the lock of a file, created if absent, against other processes; wait for them."""
@@ -144,16 +153,6 @@ def hold_lock(path: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
-
-
-PREFIX = "gslcosim-"
-# Locked by the owner for its lifetime; the lock ends with the process, however that ends.
-OWNER_FILE = ".owner"
-# Maximum address of a unix socket [bytes]. Below the parent: a folder, and a name of at most 12 bytes.
-SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
-_SOCKET_NAME_BYTES = len(f"/{PREFIX}check-12345678/") + 12
-_USER_DIRECTORY_VARIABLE = "XDG_RUNTIME_DIR"
-_MAX_OWNERLESS_S = 60.0
 
 
 class ScratchFolder:
@@ -360,10 +359,6 @@ def _open_own_folder(path: str | Path, parent: int | None) -> Iterator[int]:
         yield fd
     finally:
         os.close(fd)
-
-
-MAX_FOLDER_LEVELS = 64
-"""Depth to which foreign folders may be nested; ours are six deep."""
 
 
 def iterate_tree(folder: Path, *, is_entered: Callable[[Path], bool] = lambda _: True) -> Iterator[Path]:

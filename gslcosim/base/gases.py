@@ -12,6 +12,16 @@ REFERENCE_PRESSURE_PA = 101325.0
 PID_LAMPS_EV = (10.6, 11.7)
 """Lamps on the market: krypton, and argon behind a lithium fluoride window."""
 
+_GADEN = "GADEN's player, which takes some from mixtures: pure ethanol vapour is about 1.59"
+_FIGARO = "figures of Figaro's data sheets in GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp"
+_AS_METHANE = "methane's, which GADEN marks as still to review"
+# Not verified: uncertain by a quarter, and different by maker (others print 8.7 to 10 for ethanol at 10.6 eV).
+_TN_106 = "RAE Systems, Technical Note TN-106, revision of 08/2010"
+_METHANE_MOX = {
+    "tgs2600": (1.018, -0.07284), "tgs2610": (63.91, -0.5372), "tgs2611": (38.46, -0.4289),
+    "tgs2612": (146.2, -0.5916), "tgs2620": (120.6, -0.4877),
+}  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Gas:
@@ -40,16 +50,6 @@ class Gas:
     mox: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
 
-
-_GADEN = "GADEN's player, which takes some from mixtures: pure ethanol vapour is about 1.59"
-_FIGARO = "figures of Figaro's data sheets in GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp"
-_AS_METHANE = "methane's, which GADEN marks as still to review"
-# Not verified: uncertain by a quarter, and different by maker (others print 8.7 to 10 for ethanol at 10.6 eV).
-_TN_106 = "RAE Systems, Technical Note TN-106, revision of 08/2010"
-_METHANE_MOX = {
-    "tgs2600": (1.018, -0.07284), "tgs2610": (63.91, -0.5372), "tgs2611": (38.46, -0.4289),
-    "tgs2612": (146.2, -0.5916), "tgs2620": (120.6, -0.4877),
-}  # fmt: skip
 
 # Above 11.7 eV, which no lamp reaches: hydrogen 15.43, fluorine 15.7, methane 12.61, carbon dioxide 13.77, carbon
 # monoxide 14.01, helium 24.6, neon 21.6. Smoke is no one gas.

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from pydantic_core import PydanticCustomError
 
+RULE = "scenario_rule"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
@@ -24,9 +26,6 @@ class Problem:
     def __str__(self) -> str:
         where, remedy = f"{self.where}: " if self.where else "", f" {self.remedy}" if self.remedy else ""
         return f"{where}expected {self.expected}, was {self.found}.{remedy}"
-
-
-RULE = "scenario_rule"
 
 
 def broken_rule_error(*, expected: str, found: str, remedy: str = "", key: str = "") -> PydanticCustomError:

@@ -9,6 +9,10 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn, Self
 
+_HANGUP = getattr(signal, "SIGHUP", None)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if _HANGUP is None else (_HANGUP,)))
+_asked_to_end = threading.Event()
+
 
 def describe_exit(code: int) -> str:
     """Return a process's exit in words."""
@@ -32,11 +36,6 @@ def build_parent_death_prefix() -> list[str]:
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL"] if sys.platform == "linux" and setpriv else []
-
-
-_HANGUP = getattr(signal, "SIGHUP", None)
-SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if _HANGUP is None else (_HANGUP,)))
-_asked_to_end = threading.Event()
 
 
 def raise_on_signals() -> None:

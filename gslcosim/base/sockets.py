@@ -18,6 +18,11 @@ from pathlib import Path
 
 from gslcosim.base.errors import UsageError
 
+# struct ucred: pid, uid, gid.
+_CREDENTIALS = struct.Struct("3i")
+# Since Linux 6.5; Python has no name for it yet.
+_SO_PEERPIDFD = 77
+
 
 @contextlib.contextmanager
 def short_socket_address(path: Path) -> Iterator[str]:
@@ -33,12 +38,6 @@ def short_socket_address(path: Path) -> Iterator[str]:
         yield f"/proc/self/fd/{folder}/{path.name}"
     finally:
         os.close(folder)
-
-
-# struct ucred: pid, uid, gid.
-_CREDENTIALS = struct.Struct("3i")
-# Since Linux 6.5; Python has no name for it yet.
-_SO_PEERPIDFD = 77
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,20 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+# Units that users write behind numbers: the ending for each, and the factor to the unit of that ending.
+_WRITTEN_UNITS = {
+    "m": ("_m", 1.0), "cm": ("_m", 0.01), "mm": ("_m", 0.001), "km": ("_m", 1000.0),
+    "metre": ("_m", 1.0), "metres": ("_m", 1.0), "meter": ("_m", 1.0), "meters": ("_m", 1.0),
+    "s": ("_s", 1.0), "sec": ("_s", 1.0), "second": ("_s", 1.0), "seconds": ("_s", 1.0),
+    "ms": ("_s", 0.001), "min": ("_s", 60.0), "minute": ("_s", 60.0), "minutes": ("_s", 60.0), "h": ("_s", 3600.0),
+    "m/s": ("_m_s", 1.0), "cm/s": ("_m_s", 0.01), "km/h": ("_m_s", 1 / 3.6),
+    "m/s2": ("_m_s2", 1.0), "m/s^2": ("_m_s2", 1.0), "m2/s": ("_m2_s", 1.0), "m^2/s": ("_m2_s", 1.0),
+    "rad": ("_rad", 1.0), "°": ("_rad", math.pi / 180), "deg": ("_rad", math.pi / 180),
+    "degrees": ("_rad", math.pi / 180),
+    "ppm": ("_ppm", 1.0), "ppb": ("_ppm", 0.001), "1/s": ("_per_s", 1.0), "/s": ("_per_s", 1.0), "hz": ("_per_s", 1.0),
+}  # fmt: skip
+_NUMBER_WITH_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d][^\s]*)?\s*$")
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -62,22 +76,6 @@ def unit_name(key: str) -> str:
     """Return the unit of a number in words from its name, such as `metres per second`; empty if the name has none."""
     suffix = unit_suffix(key)
     return UNITS[suffix].words if suffix else ""
-
-
-# Units that users write behind numbers: the ending for each, and the factor to the unit of that ending.
-_WRITTEN_UNITS = {
-    "m": ("_m", 1.0), "cm": ("_m", 0.01), "mm": ("_m", 0.001), "km": ("_m", 1000.0),
-    "metre": ("_m", 1.0), "metres": ("_m", 1.0), "meter": ("_m", 1.0), "meters": ("_m", 1.0),
-    "s": ("_s", 1.0), "sec": ("_s", 1.0), "second": ("_s", 1.0), "seconds": ("_s", 1.0),
-    "ms": ("_s", 0.001), "min": ("_s", 60.0), "minute": ("_s", 60.0), "minutes": ("_s", 60.0), "h": ("_s", 3600.0),
-    "m/s": ("_m_s", 1.0), "cm/s": ("_m_s", 0.01), "km/h": ("_m_s", 1 / 3.6),
-    "m/s2": ("_m_s2", 1.0), "m/s^2": ("_m_s2", 1.0), "m2/s": ("_m2_s", 1.0), "m^2/s": ("_m2_s", 1.0),
-    "rad": ("_rad", 1.0), "°": ("_rad", math.pi / 180), "deg": ("_rad", math.pi / 180),
-    "degrees": ("_rad", math.pi / 180),
-    "ppm": ("_ppm", 1.0), "ppb": ("_ppm", 0.001), "1/s": ("_per_s", 1.0), "/s": ("_per_s", 1.0), "hz": ("_per_s", 1.0),
-}  # fmt: skip
-
-_NUMBER_WITH_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d][^\s]*)?\s*$")
 
 
 @dataclass(frozen=True, kw_only=True)

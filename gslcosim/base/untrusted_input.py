@@ -42,6 +42,16 @@ _KINDS = {
     "str": "a text", "int": "a whole number", "float": "a number", "bool": "true or false", "object": "a block",
     "array": "a list", "null": "nothing",
 }  # fmt: skip
+MAX_UNPACKED_BYTES = 1 << 30
+"""Default limit on the size of all arrays of a file."""
+
+# Control characters (C0 without tab and line feed, delete, C1), characters that reorder or break lines, and lone
+# surrogates, which stand for bytes of file names that are not UTF-8 and which no stream accepts.
+_UNSAFE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
+)
+_UNSAFE_IN_PAGE = re.compile(f"{_UNSAFE.pattern}|[&<>]")
+_LINE_BREAK = re.compile("[\n\t]")
 
 
 class MalformedFileError(UsageError):
@@ -81,10 +91,6 @@ def _reporting_file(path: Path, remedy: str) -> Iterator[None]:
         raise MalformedFileError(f"{_name_file(path)}: {found} {remedy}\nFile: {path}") from error
     except MalformedFileError as error:
         raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
-
-
-MAX_UNPACKED_BYTES = 1 << 30
-"""Default limit on the size of all arrays of a file."""
 
 
 def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, NDArray[Any]]":
@@ -191,15 +197,6 @@ def _shown_kind(found: re.Match[str]) -> str:
 def _kind_of(value: object) -> str:
     kinds = ((bool, "bool"), (str, "str"), (int, "int"), (float, "float"), (dict, "object"), (list, "array"))
     return _KINDS[next((name for kind, name in kinds if isinstance(value, kind)), "null")]
-
-
-# Control characters (C0 without tab and line feed, delete, C1), characters that reorder or break lines, and lone
-# surrogates, which stand for bytes of file names that are not UTF-8 and which no stream accepts.
-_UNSAFE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
-)
-_UNSAFE_IN_PAGE = re.compile(f"{_UNSAFE.pattern}|[&<>]")
-_LINE_BREAK = re.compile("[\n\t]")
 
 
 def escape_terminal_text(text: str, *, is_one_line: bool = False) -> str:

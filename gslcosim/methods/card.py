@@ -33,13 +33,6 @@ INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
     "range": ((RANGE_QUANTITY,), "{model: four_range_finders, name: ranges}"),
     "camera": ((CAMERA_QUANTITY,), "{model: camera, name: eye}"),
 }
-
-
-def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
-    """Return the number of sensors of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
-    return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
-
-
 CARD_FILE = "method.yaml"
 # Parameters of several methods, one file each; a card adopts them by `includes`.
 SHARED_PARAMETERS = Path(__file__).with_name("parameters")
@@ -48,6 +41,19 @@ Family = Literal["anchor", "reactive", "swarm", "bayesian", "information", "map"
 Knowledge = Literal["map", "plume", "source"]
 ParameterType = Literal["float", "int", "bool", "text", "floats", "file"]
 Count = Annotated[int, Field(ge=1, le=100)]
+_TYPE_WORDS: dict[ParameterType, str] = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "text": "a word",
+    "floats": "a list of numbers",
+    "file": "a name or a path",
+}
+
+
+def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
+    """Return the number of sensors of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
+    return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
 
 
 class _CardPart(BaseModel):
@@ -117,16 +123,6 @@ class Parameter(_CardPart):
     @property
     def _shown_unit(self) -> str:
         return "" if self.unit == "1" else self.unit
-
-
-_TYPE_WORDS: dict[ParameterType, str] = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "text": "a word",
-    "floats": "a list of numbers",
-    "file": "a name or a path",
-}
 
 
 def _is_of_type(value: object, kind: ParameterType) -> bool:

@@ -31,6 +31,21 @@ from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
 
+MAX_RUNS = 8
+# Of these the first run's are shown for all: they are the same unless gas or wind differ.
+_SHARED_ENTITIES = tuple(
+    stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
+)
+_LOGS = tuple(log.entity for log in streams.LOGS)
+# The next part of the path is an agent's name.
+_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
+# Static entities that are copied, not drawn again.
+_COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
+# Plots with a line at the tick at which runs diverge.
+_MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
+_DIVERGENCE_ENTITY = "they_part"
+_DIVERGENCE_COLOR = colors.CONTACT
+
 
 def record_from_tick(
     recording: Path, scenario: Scenario, environment: Environment, path: Path, *, tick: int, is_still: bool
@@ -113,22 +128,6 @@ def _find_believer(chunk: Chunk) -> str | None:
 
 def _has_notes(chunk: Chunk) -> bool:
     return str(chunk.entity_path).removeprefix("/").partition("/")[0] == streams.NOTE_MODE.root
-
-
-MAX_RUNS = 8
-# Of these the first run's are shown for all: they are the same unless gas or wind differ.
-_SHARED_ENTITIES = tuple(
-    stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
-)
-_LOGS = tuple(log.entity for log in streams.LOGS)
-# The next part of the path is an agent's name.
-_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
-# Static entities that are copied, not drawn again.
-_COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
-# Plots with a line at the tick at which runs diverge.
-_MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
-_DIVERGENCE_ENTITY = "they_part"
-_DIVERGENCE_COLOR = colors.CONTACT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,12 @@ from gslcosim_services.recorder.stream_table import WIND_ARROWS
 # A step is this fraction of a cell; slower air counts as still. Both chosen.
 STEP_CELLS = 0.5
 STILL_M_S = 1e-3
+OCCUPANCY, STREAMLINES = "occupancy", "streamlines"
+N_STREAMLINES = 120
+# A line is at most this many times as long as the room.
+MAX_LENGTHS = 2.0
+# Time has no meaning here, but the file requires a tick.
+_TICK_NS = 1_000_000_000
 
 
 def streamlines(
@@ -66,14 +72,6 @@ def _is_air(environment: Environment, points_m: NDArray[np.float64]) -> NDArray[
     is_inside = environment.grid.contains_cell(cells)
     i, j, k = np.where(is_inside[:, None], cells, 0).T
     return is_inside & (environment.occupancy[i, j, k] != Cell.SOLID)
-
-
-OCCUPANCY, STREAMLINES = "occupancy", "streamlines"
-N_STREAMLINES = 120
-# A line is at most this many times as long as the room.
-MAX_LENGTHS = 2.0
-# Time has no meaning here, but the file requires a tick.
-_TICK_NS = 1_000_000_000
 
 
 def record_environment(environment: Environment, path: Path) -> None:

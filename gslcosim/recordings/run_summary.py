@@ -29,6 +29,19 @@ _ORDERS: Mapping[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,
 }
 Row = Mapping[str, Any]
+State = Literal["ended", "running", "broken", "foreign"]
+RESULT_SCHEMA = "gslcosim/result/1"
+_SCENARIO_SCHEMA = "schema: gslcosim/scenario/"
+_NAME = re.compile(r"^name: (.+)$", re.MULTILINE)
+_SEED = re.compile(r"^seed: (\d+)$", re.MULTILINE)
+# The blocks of `agents`, each from its name to its start.
+_AGENT = re.compile(r"^- name: (.+)\n  start:\n((?:    .*\n)+)", re.MULTILINE)
+_START = re.compile(r"^    (python|attach|process_of|method): (.+)$", re.MULTILINE)
+_COMMAND = re.compile(r"^    command:\n((?:    - .*\n)+)", re.MULTILINE)
+_MANIFEST, _RESULT, _SCENARIO = "manifest.json", "result.json", "scenario.yaml"
+_S_PER_H = 3600.0
+_MAX_SCENARIO_BYTES = 20_000_000
+_MAX_SEED_DIGITS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,21 +98,6 @@ def check_column(option: str, column: str, columns: Sequence[str]) -> None:
     """Refuse a column that does not exist."""
     if column not in columns:
         raise UsageError(f"{option}: expected one of the columns {', '.join(columns)}, was '{column}'.")
-
-
-State = Literal["ended", "running", "broken", "foreign"]
-RESULT_SCHEMA = "gslcosim/result/1"
-_SCENARIO_SCHEMA = "schema: gslcosim/scenario/"
-_NAME = re.compile(r"^name: (.+)$", re.MULTILINE)
-_SEED = re.compile(r"^seed: (\d+)$", re.MULTILINE)
-# The blocks of `agents`, each from its name to its start.
-_AGENT = re.compile(r"^- name: (.+)\n  start:\n((?:    .*\n)+)", re.MULTILINE)
-_START = re.compile(r"^    (python|attach|process_of|method): (.+)$", re.MULTILINE)
-_COMMAND = re.compile(r"^    command:\n((?:    - .*\n)+)", re.MULTILINE)
-_MANIFEST, _RESULT, _SCENARIO = "manifest.json", "result.json", "scenario.yaml"
-_S_PER_H = 3600.0
-_MAX_SCENARIO_BYTES = 20_000_000
-_MAX_SEED_DIGITS = 20
 
 
 @dataclass(frozen=True, kw_only=True)

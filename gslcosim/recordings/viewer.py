@@ -25,6 +25,18 @@ SCREENSHOT_TIMEOUT_S = 90.0
 N_TRIES = 2
 # The viewer listens for more data; only programs of this machine may send some.
 _LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
+POLL_S = 0.1
+_CHUNK_BYTES = 1 << 18
+ViewerKind = Literal["window", "browser"]
+# Only this machine may reach it.
+_LOOPBACK = "127.0.0.1"
+_FOR_BROWSER = ("--serve-web", "--web-viewer-port", "0")
+_FOR_WINDOW = ("--expect-data-soon",)
+# Line with which the program announces its page.
+_ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
+_END_TIMEOUT_S = 5.0
+# A viewer that had announced its address has once taken nothing for ten minutes.
+_STALL_S = 60.0
 
 
 def open_viewer(path: Path) -> None:
@@ -124,10 +136,6 @@ def _check_file(path: Path) -> None:
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
 
 
-POLL_S = 0.1
-_CHUNK_BYTES = 1 << 18
-
-
 def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
     """Yield the bytes of a file from its beginning, and further ones as it grows, until it is complete.
 
@@ -152,19 +160,6 @@ def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
             else:
                 was_over = is_over()
                 time.sleep(0 if was_over else POLL_S)
-
-
-ViewerKind = Literal["window", "browser"]
-
-# Only this machine may reach it.
-_LOOPBACK = "127.0.0.1"
-_FOR_BROWSER = ("--serve-web", "--web-viewer-port", "0")
-_FOR_WINDOW = ("--expect-data-soon",)
-# Line with which the program announces its page.
-_ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
-_END_TIMEOUT_S = 5.0
-# A viewer that had announced its address has once taken nothing for ten minutes.
-_STALL_S = 60.0
 
 
 class LiveViewer:

@@ -11,6 +11,23 @@ from gslcosim.scenario.models.events import EventSpec, SourceStartsSpec, SourceS
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 
+# Processes of agents, their inputs and settings, and output: none of it is in a message of the past.
+_CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
+_CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
+_TIME_LIMIT = "referee.stop.time_limit_s"
+# Reason for being part of the past, by the beginning of a path.
+_REASONS = (
+    ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
+    ("environment", "the run was flown in that room"),
+    ("wind", "the gas was carried by that wind"),
+    ("gas", "the gas that was sensed came from there"),
+    ("agents", "what was flown and sensed follows from it"),
+    ("referee", "what was judged follows from it"),
+    ("channels", "what was heard follows from it"),
+    ("services", "they took part"),
+    ("tick_ms", "it is the clock of the run"),
+)
+
 
 def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
     """Yield the changes of a fork to events on which its past depends."""
@@ -45,24 +62,6 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
         if isinstance(event, SourceStartsSpec | SourceStopsSpec):
             firsts.setdefault(event.source, isinstance(event, SourceStartsSpec))
     return {source for source, is_start in firsts.items() if is_start}
-
-
-# Processes of agents, their inputs and settings, and output: none of it is in a message of the past.
-_CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
-_CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
-_TIME_LIMIT = "referee.stop.time_limit_s"
-# Reason for being part of the past, by the beginning of a path.
-_REASONS = (
-    ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
-    ("environment", "the run was flown in that room"),
-    ("wind", "the gas was carried by that wind"),
-    ("gas", "the gas that was sensed came from there"),
-    ("agents", "what was flown and sensed follows from it"),
-    ("referee", "what was judged follows from it"),
-    ("channels", "what was heard follows from it"),
-    ("services", "they took part"),
-    ("tick_ms", "it is the clock of the run"),
-)
 
 
 def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:

@@ -24,7 +24,26 @@ from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
 from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml
 
+__all__ = [
+    "Check",
+    "LoadedScenario",
+    "dump_resolved",
+    "find_scenario",
+    "load_scenario",
+    "read_resolved",
+    "resolve_values",
+]
+
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
+RANDOM = "random"
+_WIND = TypeAdapter[SolverSpec](Wind)
+# Refusal of a position that cannot be drawn yet; reported only if nothing else is wrong.
+_AFTER_THE_OTHERS = "a random place once the other problems are solved"
+Check = Callable[[Scenario, Path], Iterable[Problem]]
+_ENDINGS = (".yaml", ".yml")
+_MOST_TREES = 8
+MAX_BYTES = 2_000_000
+"""Largest size of a scenario file."""
 
 
 def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]) -> dict[str, Any] | None:
@@ -67,12 +86,6 @@ def _concerns_places(path: str) -> bool:
 
 def _get(values: Any, key: str) -> Any:
     return cast("dict[str, Any]", values).get(key) if isinstance(values, dict) else None
-
-
-RANDOM = "random"
-_WIND = TypeAdapter[SolverSpec](Wind)
-# Refusal of a position that cannot be drawn yet; reported only if nothing else is wrong.
-_AFTER_THE_OTHERS = "a random place once the other problems are solved"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,24 +172,6 @@ def _block(values: dict[str, Any], key: str) -> dict[str, Any]:
 def _blocks(items: Any) -> list[dict[str, Any]]:
     listed = cast("list[Any]", items) if isinstance(items, list) else []
     return [cast("dict[str, Any]", item) if isinstance(item, dict) else {} for item in listed]
-
-
-__all__ = [
-    "Check",
-    "LoadedScenario",
-    "dump_resolved",
-    "find_scenario",
-    "load_scenario",
-    "read_resolved",
-    "resolve_values",
-]
-
-Check = Callable[[Scenario, Path], Iterable[Problem]]
-
-_ENDINGS = (".yaml", ".yml")
-_MOST_TREES = 8
-MAX_BYTES = 2_000_000
-"""Largest size of a scenario file."""
 
 
 @dataclass(frozen=True, kw_only=True)

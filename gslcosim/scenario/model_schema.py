@@ -26,6 +26,11 @@ from gslcosim.scenario.problems import (
 )
 
 Segment = str | int
+MISSING = "missing"
+_UNKNOWN_KEY = "an unknown key"
+# More are of no use to a reader, and the search for suggestions takes time.
+_MAX_PROBLEMS = 100
+_MAX_SHOWN = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -391,13 +396,6 @@ def _meaning(field: FieldInfo) -> str:
     words = list_words(field.annotation)
     choice = f" ({', '.join(words)})" if len(words) > 1 else ""
     return f"{field.description or ''}{choice}".strip()
-
-
-MISSING = "missing"
-_UNKNOWN_KEY = "an unknown key"
-# More are of no use to a reader, and the search for suggestions takes time.
-_MAX_PROBLEMS = 100
-_MAX_SHOWN = 60
 
 
 def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:

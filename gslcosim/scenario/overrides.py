@@ -21,6 +21,10 @@ from gslcosim.scenario.serialization import YamlTree, read_yaml
 # The first word of a command is a path only with a slash, and the second only if it is a script.
 _PYTHON = re.compile(r"agents\[\d+\]\.start\.python")
 _COMMAND = re.compile(r"agents\[\d+\]\.start\.command\[(\d+)\]")
+SET_OPTION = "--set"
+SEED_OPTION = "--seed"
+_PATH = re.compile(r"^[A-Za-z_]\w*(\[\d+\])*(\.[A-Za-z_]\w*(\[\d+\])*)*$")
+_SEGMENT = re.compile(r"[A-Za-z_]\w*|\d+")
 
 
 def make_paths_absolute(path: str, value: Any, directory: Path) -> Any:
@@ -53,13 +57,6 @@ def _is_path(path: str, text: str) -> bool:
         word = int(command[1])
         return (word == 0 and "/" in text) or (word == 1 and text.endswith(SCRIPT_ENDINGS))
     return False
-
-
-SET_OPTION = "--set"
-SEED_OPTION = "--seed"
-
-_PATH = re.compile(r"^[A-Za-z_]\w*(\[\d+\])*(\.[A-Za-z_]\w*(\[\d+\])*)*$")
-_SEGMENT = re.compile(r"[A-Za-z_]\w*|\d+")
 
 
 def apply_overrides(

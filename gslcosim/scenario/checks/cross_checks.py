@@ -37,6 +37,12 @@ MAX_NUMBER = 1e15
 MAX_DURATION_S = 1e9
 """Longer than any run; ticks of it still fit into 64 bits of nanoseconds."""
 
+_DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
+_USUAL_VEHICLE = "iris"
+TO_ALL = "all"
+# Durations of sensors that have to be whole ticks, in blocks that have them.
+_SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
+
 
 def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
     """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply their inputs."""
@@ -119,10 +125,6 @@ def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Pr
         found=f"'{name}'",
         remedy=did_you_mean(name, known),
     )
-
-
-_DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
-_USUAL_VEHICLE = "iris"
 
 
 def find_event_problems(values: dict[str, Any]) -> Iterator[Problem]:
@@ -368,11 +370,6 @@ def _not_there(path: str, kind: str, name: str, known: Sequence[str]) -> Problem
 
 def _real(value: Any) -> float | None:
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
-TO_ALL = "all"
-# Durations of sensors that have to be whole ticks, in blocks that have them.
-_SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
 
 
 def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Problem]:

@@ -24,6 +24,9 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 Subject = Literal["room", "agents", "services", "machine"]
 SUBJECTS: tuple[Subject, ...] = ("room", "agents", "services", "machine")
 SCENARIO = "scenario"
+# Entry points with an extension's checks of scenarios are named `scenario.NAME`; one with a kind of file has the kind's
+# name.
+_OF_SCENARIOS = f"{SCENARIO}."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,9 +201,6 @@ _OWN_KINDS = (
         ),
     ),
 )
-# Entry points with an extension's checks of scenarios are named `scenario.NAME`; one with a kind of file has the kind's
-# name.
-_OF_SCENARIOS = f"{SCENARIO}."
 
 
 def list_file_kinds() -> tuple[FileKind, ...]:

@@ -13,6 +13,12 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, Positive, Spec
 
+EVEN_RELEASES = ("constant", "poisson")
+"""Timings of releases whose rate can be changed during a run."""
+
+# Entry points of other packages' models; each is a class that derives from `GasSpec`.
+GAS_ENTRY_POINTS = "gslcosim.gas_models"
+
 
 class ReleaseSpec(KindedSpec):
     """Timing of releases.
@@ -53,10 +59,6 @@ class ReleaseSpec(KindedSpec):
                 remedy="For example release: {kind: scheduled, schedule: [[0, 10], [60, 0]]}.",
             )
         return self
-
-
-EVEN_RELEASES = ("constant", "poisson")
-"""Timings of releases whose rate can be changed during a run."""
 
 
 class ShapeSpec(KindedSpec):
@@ -132,10 +134,6 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
         for gas in definitions
     }
     return {**gases.GASES, **defined}
-
-
-# Entry points of other packages' models; each is a class that derives from `GasSpec`.
-GAS_ENTRY_POINTS = "gslcosim.gas_models"
 
 
 class FarrellSpec(Spec):

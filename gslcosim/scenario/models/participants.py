@@ -23,6 +23,13 @@ from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec, with_regi
 _PARAMETER_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 # Prefix of the variables that a run sets for its processes.
 _OUR_PREFIX = "GSLCOSIM_"
+SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
+# For a participant that an extension starts; names for programs match `_PARAMETER_NAME`.
+ParameterName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+# A service that is silent for 30 s counts as hanging; the program's own limit is more specific.
+MAX_ANSWER_S = 25.0
+# Entry points of other packages' services; each is a class that derives from `ServiceSpec`.
+SERVICE_ENTRY_POINTS = "gslcosim.services"
 
 
 def _without_ours(variables: "dict[str, str | None]") -> "dict[str, str | None]":
@@ -44,8 +51,6 @@ EnvironmentVariables = Annotated[
     Field(max_length=100),
     AfterValidator(_without_ours),
 ]
-
-SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
 
 
 class AgentLimitsSpec(Spec):
@@ -69,13 +74,6 @@ class AgentLimitsSpec(Spec):
     def are_given(self) -> bool:
         """True if there is any bound."""
         return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))
-
-
-# For a participant that an extension starts; names for programs match `_PARAMETER_NAME`.
-ParameterName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-
-# A service that is silent for 30 s counts as hanging; the program's own limit is more specific.
-MAX_ANSWER_S = 25.0
 
 
 @with_registered_keys(PARTICIPANT_START)
@@ -221,10 +219,6 @@ class ParticipantProgramSpec(Spec):
             expected = "names of at most 40 lower-case letters, digits and _, for a program"
             raise broken_rule_error(key="parameters", expected=expected, found=f"'{wrong}'")
         return self
-
-
-# Entry points of other packages' services; each is a class that derives from `ServiceSpec`.
-SERVICE_ENTRY_POINTS = "gslcosim.services"
 
 
 class ServiceSpec(Spec):

@@ -50,6 +50,11 @@ from gslcosim.scenario.problems import did_you_mean
 from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
+# Default height to which a vehicle in the air rises [m].
+USUAL_HEIGHT_M = 2.0
+Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]]
+# Services that share a process; see `Scenario`.
+Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
 @with_registered_keys(ENVIRONMENT)
@@ -199,10 +204,6 @@ class StartSpec(Spec):
         return self
 
 
-# Default height to which a vehicle in the air rises [m].
-USUAL_HEIGHT_M = 2.0
-
-
 def _usual_height_m(values: dict[str, Any]) -> float:
     facts = get_vehicle(values["model"])
     return facts.body.half_height_m if facts.drives else USUAL_HEIGHT_M
@@ -321,9 +322,6 @@ class KnowledgeSpec(Spec):
     def granted(self) -> tuple[str, ...]:
         """Names of the granted items."""
         return tuple(name for name in type(self).model_fields if getattr(self, name))
-
-
-Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]]
 
 
 class AgentSpec(Spec):
@@ -489,10 +487,6 @@ class RestartSpec(Spec):
     tries: Annotated[int, Field(ge=1, le=100)] = Field(
         default=3, description="restarts of a service without progress before the run fails"
     )
-
-
-# Services that share a process; see `Scenario`.
-Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
 @with_registered_keys("")

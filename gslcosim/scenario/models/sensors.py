@@ -13,6 +13,18 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec
 
+# Errors that an ideal instrument lacks, in blocks that have them.
+_ERRORS = (
+    "noise_std", "gain_spread", "drift_spread_per_s", "resolution", "t90_s", "noise_frac", "baseline_walk",
+    "speed_noise_std_m_s", "direction_noise_std_rad",
+)  # fmt: skip
+IDEAL_SUFFIX = "_ideal"
+Pixels = Annotated[int, Field(ge=8, le=2048)]
+Rays = Annotated[int, Field(ge=1, le=4096)]
+# Entry points of other packages' sensors; each is a `gslcosim_services.sensing.models.SensorKind`.
+SENSOR_ENTRY_POINTS = "gslcosim.sensors"
+SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
+
 
 class SensorSpec(Spec):
     """Base of all sensors; the block of a model adds the settings of that model alone.
@@ -196,14 +208,6 @@ class AnemometerSpec(Anemometer3dSpec):
     direction_noise_std_rad: NonNegative = Field(default=0.1, description="noise of the direction")
 
 
-# Errors that an ideal instrument lacks, in blocks that have them.
-_ERRORS = (
-    "noise_std", "gain_spread", "drift_spread_per_s", "resolution", "t90_s", "noise_frac", "baseline_walk",
-    "speed_noise_std_m_s", "direction_noise_std_rad",
-)  # fmt: skip
-IDEAL_SUFFIX = "_ideal"
-
-
 # Block of the same instrument, by default without errors.
 def _ideal(name: str, block: type[MeasuringSensorSpec]) -> type[MeasuringSensorSpec]:
     fields: dict[str, Any] = {
@@ -220,9 +224,6 @@ IdealPidSpec = _ideal("IdealPidSpec", PidSensorSpec)
 IdealTdlasSpec = _ideal("IdealTdlasSpec", TdlasSensorSpec)
 IdealAnemometerSpec = _ideal("IdealAnemometerSpec", AnemometerSpec)
 IdealAnemometer3dSpec = _ideal("IdealAnemometer3dSpec", Anemometer3dSpec)
-
-Pixels = Annotated[int, Field(ge=8, le=2048)]
-Rays = Annotated[int, Field(ge=1, le=4096)]
 
 
 class ImuSpec(Spec):
@@ -443,11 +444,8 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "anemometer_3d_ideal": IdealAnemometer3dSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
-# Entry points of other packages' sensors; each is a `gslcosim_services.sensing.models.SensorKind`.
-SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
 
-SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
 _ONE_OF = OneOf(tag_key="model", base=SensorSpec, own=SENSOR_BLOCKS, offers=SENSOR_OFFERS, part="settings")
 
 

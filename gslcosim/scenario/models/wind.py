@@ -23,6 +23,7 @@ Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
 SOLVING = ("auto", "built_in", "openfoam")
 _OURS = ("auto", "built_in")
 _FRAMES = "frames, which save_every_s keeps"
+_OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
 
 
 class InletScheduleSpec(Spec):
@@ -330,7 +331,6 @@ class WindSpec(SolverSpec):
         return self
 
 
-_OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
 WIND_SOLVERS: dict[str, type[SolverSpec]] = dict.fromkeys((*get_args(Solver), "file"), WindSpec)
 """Block of gslcosim's own wind solvers; they share one, since `auto` stands for one or another of them."""
 
