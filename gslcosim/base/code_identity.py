@@ -71,21 +71,21 @@ def hash_code(paths: Sequence[Path]) -> str:
         raw.update(content)
     kept = get_cache_root() / "code" / raw.hexdigest()
     try:
-        said, check = kept.read_text(encoding="ascii").split()
-        if check == _check_answer(kept.name, said):
-            return said
+        answer, check = kept.read_text(encoding="ascii").split()
+        if check == _check_answer(kept.name, answer):
+            return answer
     except (OSError, ValueError):
         pass
-    said = _hash_syntax(contents)
+    answer = _hash_syntax(contents)
     # Without a writable cache only time is lost.
     with contextlib.suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(kept.parent, kept.name, f"{said} {_check_answer(kept.name, said)}".encode())
-    return said
+        replace_file(kept.parent, kept.name, f"{answer} {_check_answer(kept.name, answer)}".encode())
+    return answer
 
 
-def _check_answer(question: str, said: str) -> str:
-    return hashlib.blake2b(f"{question} {said}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
+def _check_answer(question: str, answer: str) -> str:
+    return hashlib.blake2b(f"{question} {answer}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
 
 
 def _hash_syntax(contents: Sequence[tuple[str, bytes]]) -> str:

@@ -230,14 +230,12 @@ def format_machine_error(
     error: OSError | MemoryError, place: str, expected: str, *, path: Path | str | None = None, remedy: str = ""
 ) -> str:
     """Return the text of `build_machine_error`."""
-    named = _get_refused_path(error) if path is None and isinstance(error, OSError) else path
+    if path is None and isinstance(error, OSError):
+        # For a link, a copy or a move the system also names the existing target.
+        is_target = error.filename2 is not None and error.errno in _TARGET_ERRNOS
+        path = error.filename2 if is_target else error.filename
     text = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
-    return text if named is None else f"{text}\nFile: {os.fspath(named)}"
-
-
-# For a link, a copy or a move the system also names the existing target.
-def _get_refused_path(error: OSError) -> Path | str | None:
-    return error.filename2 if error.filename2 is not None and error.errno in _TARGET_ERRNOS else error.filename
+    return text if path is None else f"{text}\nFile: {os.fspath(path)}"
 
 
 def build_path_error(error: OSError, place: str, expected: str, *, path: Path | str) -> GslCosimError:

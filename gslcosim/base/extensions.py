@@ -156,10 +156,6 @@ def read_known() -> dict[str, dict[str, list[str]]]:
     return known
 
 
-def _list_distributions() -> set[str]:
-    return {point.distribution for point in list_registrations()}
-
-
 def find_remedy(what: What, asked: str) -> str | None:
     """Return the sentence that names the extension with the requested thing, or None if none has it.
 
@@ -167,8 +163,9 @@ def find_remedy(what: What, asked: str) -> str | None:
         what: Kind of the thing.
         asked: Its name: `bench`, `agents[].start.ros2`, `suite`, `mcap`.
     """
+    installed = {point.distribution for point in list_registrations()}
     for extension, offers in read_known().items():
-        if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in _list_distributions():
+        if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in installed:
             return (
                 f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}, "
                 f"or ./extensions/{extension} in a checkout"

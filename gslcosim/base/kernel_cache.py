@@ -31,7 +31,7 @@ EXTENSIONS_VARIABLE = "GSLCOSIM_EXTENSION_KERNELS"
 # Set for agents in a sandbox, which have a disposable cache of their own, and no key.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 _CACHING = "numba.core.caching"
-# Versions with other layouts of files share none.
+# Part of the hash, so that versions with other layouts of files use other folders.
 _LAYOUT = b"signed/1"
 # Variables that change the code numba compiles and are not part of numba's own key.
 _COMPILER_VARIABLES = (
@@ -261,11 +261,6 @@ def _read_signed(path: str) -> bytes | None:
     return body if is_signed(_name_place(path), body, signature, Path(path)) else None
 
 
-# True in a cache that root has filled for others, who cannot read its key.
-def _is_of_the_system(path: str) -> bool:
-    return hasattr(os, "geteuid") and os.geteuid() != 0 and os.lstat(path).st_uid == 0
-
-
 # Without a key no process could load it again. Without write access the kernel is compiled again next time.
 def _write_signed(path: str, body: bytes) -> None:
     if (signature := sign(_name_place(path), body)) is not None:
@@ -298,8 +293,10 @@ def is_signed(place: str, body: bytes, signature: bytes, path: Path) -> bool:
     """Return whether data are signed with the key of the cache or, without a readable key, are in a file of root."""
     import hmac
 
-    expected = sign(place, body)
-    return _is_of_the_system(str(path)) if expected is None else hmac.compare_digest(expected, signature)
+    if (expected := sign(place, body)) is not None:
+        return hmac.compare_digest(expected, signature)
+    # Only root reads the key of a cache that root has filled for all.
+    return hasattr(os, "geteuid") and os.geteuid() != 0 and path.lstat().st_uid == 0
 
 
 # None if there is no key and none can be created: then each process compiles its kernels.

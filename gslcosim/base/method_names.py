@@ -20,17 +20,15 @@ def name_method(*, python: str | None = None, command: Sequence[str] = (), metho
         return method
     if python:
         return _name_file(python)
-    return _name_file(_find_program(command)) if command else ATTACHED
+    if not command:
+        return ATTACHED
+    scripts = (word for word in command[1:] if PurePath(word).suffix.lower() in _SCRIPTS)
+    return _name_file(next(scripts, command[0]))
 
 
 def join_methods(methods: Iterable[str]) -> str:
     """Return the methods of several agents, each once, with `+` between them."""
     return "+".join(dict.fromkeys(method for method in methods if method))
-
-
-def _find_program(command: Sequence[str]) -> str:
-    first, *arguments = command
-    return next((word for word in arguments if PurePath(word).suffix.lower() in _SCRIPTS), first)
 
 
 def _name_file(file: str) -> str:

@@ -147,7 +147,7 @@ def validate_value(value: object, kind: type[T], *, place: str) -> T:
     except (msgspec.ValidationError, OverflowError) as error:
         raise MalformedFileError(_describe_problem(str(error), place)) from error
     except UnicodeEncodeError as error:
-        # JSON can escape half a surrogate pair, which is a character of no text.
+        # JSON can escape half a surrogate pair, which no text can contain.
         raise MalformedFileError(f"{place}: expected text, was half of a surrogate pair in it.") from error
     return cast("T", value)
 

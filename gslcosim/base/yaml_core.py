@@ -25,7 +25,7 @@ _EDITOR_LINE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*#[ \t]*yaml-language-server
 
 
 def without_editor_header(content: bytes) -> bytes:
-    """Return a file's content without a first line for editors, which hashes leave out."""
+    """Return a file's content without the line for editors at its beginning, which hashes leave out."""
     head = content[: cast("re.Match[bytes]", _FIRST_COMMENTS.match(content)).end()]
     return _EDITOR_LINE.sub(b"", head) + content[len(head) :]
 

@@ -281,13 +281,26 @@ def find_unmet_needs(
         n_channels: Number of the agent's radio channels.
         parameters: The scenario's settings for the method.
     """
-    sensors = tuple(sensors)
-    return [
-        *_missing_sensors(card, sensors),
-        *_missing_grants(card, knows),
-        *_missing_radio(card, n_channels),
-        *_wrong_parameters(card, parameters),
+    problems = [*_missing_sensors(card, tuple(sensors))]
+    problems += [
+        Problem(
+            where="knows",
+            expected=f"{item}: true for {card.title}",
+            found="not granted",
+            remedy=f"Add knows: {{{item}: true}} to the agent.",
+        )
+        for item in card.needs.knows
+        if item not in knows
     ]
+    if card.needs.radio and not n_channels:
+        radio = Problem(
+            where="name",
+            expected=f"an agent on a radio channel for {card.title}",
+            found="one without",
+            remedy="Add for example channels: [{name: radio}] to the scenario.",
+        )
+        problems.append(radio)
+    return [*problems, *_wrong_parameters(card, parameters)]
 
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
@@ -304,27 +317,6 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
                 found=f"{n_found} ({', '.join(models) or 'no sensors'})",
                 remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.{along}",
             )
-
-
-def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Problem]:
-    for item in card.needs.knows:
-        if item not in knows:
-            yield Problem(
-                where="knows",
-                expected=f"{item}: true for {card.title}",
-                found="not granted",
-                remedy=f"Add knows: {{{item}: true}} to the agent.",
-            )
-
-
-def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Problem]:
-    if card.needs.radio and not n_channels:
-        yield Problem(
-            where="name",
-            expected=f"an agent on a radio channel for {card.title}",
-            found="one without",
-            remedy="Add for example channels: [{name: radio}] to the scenario.",
-        )
 
 
 def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[Problem]:

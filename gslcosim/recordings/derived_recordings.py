@@ -178,7 +178,11 @@ def record_side_by_side(
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")
     renamed = [_rename_agents(letter, run.scenario) for letter, run in zip(string.ascii_uppercase, runs, strict=False)]
     scenario = _merge_scenarios(runs, renamed)
-    meets_at, divergence = (_find_alignment_tick(runs[0]), None) if is_by_contact else (None, divergence)
+    meets_at = None
+    if is_by_contact:
+        divergence = None
+        tick = _find_first_contact(shown_chunks(runs[0].recording), runs[0].recording)
+        meets_at = AlignmentTick(tick=tick, tick_ns=scenario.tick_ns)
     chunks = [
         [*_rename_chunks(run.recording, names, is_first=i == 0, meets_at=meets_at)]
         for i, (run, names) in enumerate(zip(runs, renamed, strict=True))
@@ -269,18 +273,14 @@ def _rename_chunks(
     for unshifted in chunks:
         chunk = _shift_chunk(unshifted, shift_ticks, meets_at)
         path = str(chunk.entity_path).removeprefix("/")
+        is_copied = not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)
         if path.split("/")[0] in _SHARED_ENTITIES:
-            if is_first and (not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)):
+            if is_first and is_copied:
                 yield chunk
         elif path in _LOGS:
             yield from _prefix_texts(letter, chunk, path)
-        elif (new_path := _rename_path(path, names)) is not None and _is_copied(chunk, path):
+        elif (new_path := _rename_path(path, names)) is not None and is_copied:
             yield chunk.with_entity_path(new_path)
-
-
-def _find_alignment_tick(run: RecordedRun) -> AlignmentTick:
-    tick = _find_first_contact(shown_chunks(run.recording), run.recording)
-    return AlignmentTick(tick=tick, tick_ns=run.scenario.tick_ns)
 
 
 def _find_first_contact(chunks: Sequence[Chunk], recording: Path) -> int:
@@ -315,10 +315,6 @@ def _shift_chunk(chunk: Chunk, ticks: int, meets_at: AlignmentTick | None) -> Ch
     return piece.with_entity_path(str(chunk.entity_path))
 
 
-def _is_copied(chunk: Chunk, path: str) -> bool:
-    return not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)
-
-
 def _rename_path(path: str, names: Mapping[str, str]) -> str | None:
     for root in _AGENT_ENTITIES:
         if path.startswith(f"{root}/"):
@@ -348,7 +344,10 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
         )
         file.send(f"{names.at(streams.MARKS)}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
     for plot in _MARKED_PLOTS:
-        values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
+        plotted = (each for each in chunks if not each.is_static and str(each.entity_path).startswith(f"/{plot}/"))
+        batches: Iterator[Any] = (chunk.to_record_batch() for chunk in plotted)
+        rows = (row for batch in batches for row in batch.column(streams.SCALARS).to_pylist())
+        values = [float(value) for row in rows for value in row or ()]
         if values:
             entity = f"{plot}/{_DIVERGENCE_ENTITY}"
             # With aggregation the viewer would draw the mean of both ends.
@@ -363,15 +362,6 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
         [divergence.tick],
         rr.TextLog.columns(text=[divergence.text], level=["WARN"]),
     )
-
-
-def _is_plotted(chunk: Chunk, plot: str) -> bool:
-    return not chunk.is_static and str(chunk.entity_path).startswith(f"/{plot}/")
-
-
-def _numbers(chunk: Chunk) -> list[float]:
-    batch: Any = chunk.to_record_batch()
-    return [float(value) for row in batch.column(streams.SCALARS).to_pylist() for value in row or ()]
 
 
 def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 | None:

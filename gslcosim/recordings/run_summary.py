@@ -152,8 +152,8 @@ def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
     sizes, changed_s = _files(folder)
     size_mb = sum(sizes.values()) / 1e6
     age_h = round(max((time.time() if now_s is None else now_s) - changed_s, 0.0) / _S_PER_H, 4)
-    result, manifest = _json(folder / _RESULT, sizes), _json(folder / _MANIFEST, sizes)
-    text = _text(folder / _SCENARIO, sizes)
+    result, manifest = (_read_json(folder / name) if name in sizes else {} for name in (_RESULT, _MANIFEST))
+    text = _read_text(folder / _SCENARIO) if _SCENARIO in sizes else ""
     is_ours = text.startswith(_SCENARIO_SCHEMA) or "run_id" in manifest or result.get("schema") == RESULT_SCHEMA
     # A folder that was just created has no more than this.
     is_begun = set(sizes) <= {".reserve"} and (folder / "logs").is_dir()
@@ -162,12 +162,14 @@ def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
         return RunSummary(run=folder.name, folder=str(folder), state="foreign", outcome=what, size_mb=round(size_mb, 3),
                         age_h=age_h)  # fmt: skip
     has_result = result.get("schema") == RESULT_SCHEMA
-    agents = _agents_of(result)
+    defect = "result.json cannot be read" if _RESULT in sizes else "no result.json"
+    listed = result.get("agents")
+    agents = [agent for agent in listed if isinstance(agent, dict)] if isinstance(listed, list) else []
     return RunSummary(
         run=folder.name,
         folder=str(folder),
         state="ended" if has_result else "broken",
-        outcome=str(result.get("end_reason", "")) if has_result else _what_lacks(sizes),
+        outcome=str(result.get("end_reason", "")) if has_result else defect,
         scenario=str(result.get("scenario") or _first(_NAME, text)),
         method=find_methods(text),
         seed=_whole(result.get("seed", manifest.get("seed", _first(_SEED, text)))),
@@ -227,33 +229,18 @@ def _files(folder: Path) -> tuple[dict[str, int], float]:
     return sizes, changed_s
 
 
-def _what_lacks(sizes: Mapping[str, int]) -> str:
-    return "result.json cannot be read" if _RESULT in sizes else "no result.json"
-
-
-def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
-    if path.name not in sizes:
-        return {}
-    try:
+def _read_json(path: Path) -> dict[str, Any]:
+    with contextlib.suppress(MalformedFileError):
         check_files(path.parent, path.name)
         return read_json(path, JsonObject)
-    except MalformedFileError:
-        return {}
+    return {}
 
 
-def _text(path: Path, sizes: Mapping[str, int]) -> str:
-    if path.name not in sizes:
-        return ""
-    try:
+def _read_text(path: Path) -> str:
+    with contextlib.suppress(OSError, MalformedFileError):
         check_files(path.parent, path.name)
         return read_regular_file(path, max_bytes=_MAX_SCENARIO_BYTES).decode(errors="replace")
-    except (OSError, MalformedFileError):
-        return ""
-
-
-def _agents_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    agents = result.get("agents")
-    return [agent for agent in agents if isinstance(agent, dict)] if isinstance(agents, list) else []
+    return ""
 
 
 def _numbers(agents: Iterable[Mapping[str, Any]], key: str) -> list[float]:

@@ -16,17 +16,17 @@ _CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|li
 _CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
 _TIME_LIMIT = "referee.stop.time_limit_s"
 # Reason for being part of the past, by the beginning of a path.
-_REASONS = (
-    ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
-    ("environment", "the run was flown in that room"),
-    ("wind", "the gas was carried by that wind"),
-    ("gas", "the gas that was sensed came from there"),
-    ("agents", "what was flown and sensed follows from it"),
-    ("referee", "what was judged follows from it"),
-    ("channels", "what was heard follows from it"),
-    ("services", "they took part"),
-    ("tick_ms", "it is the clock of the run"),
-)
+_REASONS = {
+    "seed": "all that was drawn at random follows from it; agents[0].seed gives one agent another",
+    "environment": "the run was flown in that room",
+    "wind": "the gas was carried by that wind",
+    "gas": "the gas that was sensed came from there",
+    "agents": "what was flown and sensed follows from it",
+    "referee": "what was judged follows from it",
+    "channels": "what was heard follows from it",
+    "services": "they took part",
+    "tick_ms": "it is the clock of the run",
+}
 
 
 def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
@@ -78,7 +78,9 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
                 limit_s = after.referee.stop.time_limit_s
                 problems.append(f"{path}: expected a time after the fork at {at_s:g} s, was {limit_s:g} s.")
         elif not pattern.fullmatch(path):
-            problems.append(f"{path}: expected as in the run, was changed: {_find_reason(path)}.")
+            first = re.split(r"[.\[]", path, maxsplit=1)[0]
+            reason = _REASONS.get(first, "the run before the fork depends on it")
+            problems.append(f"{path}: expected as in the run, was changed: {reason}.")
     problems += find_event_problems(before, after, at_tick=at_tick)
     if problems:
         *keys, last = _CHANGEABLE_AGENT_KEYS.split("|")
@@ -113,8 +115,3 @@ def _are_block_lists(before: Any, after: Any) -> tuple[list[Any], list[Any]] | N
     old, new = cast("list[Any]", before), cast("list[Any]", after)
     are_blocks = len(old) == len(new) and all(isinstance(item, dict) for item in (*old, *new))
     return (old, new) if are_blocks else None
-
-
-def _find_reason(path: str) -> str:
-    first = re.split(r"[.\[]", path, maxsplit=1)[0]
-    return dict(_REASONS).get(first, "the run before the fork depends on it")

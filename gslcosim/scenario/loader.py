@@ -15,7 +15,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import replace_inputs
-from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
+from gslcosim.scenario.checks.cross_checks import block_in, find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.checks.program_checks import find_unusable_paths
 from gslcosim.scenario.model_schema import find_schema_node, format_value, problems_from_validation
 from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
@@ -41,7 +41,8 @@ _WIND = TypeAdapter[SolverSpec](Wind)
 _AFTER_THE_OTHERS = "a random place once the other problems are solved"
 Check = Callable[[Scenario, Path], Iterable[Problem]]
 _ENDINGS = (".yaml", ".yml")
-_MOST_TREES = 8
+# Families load one file many times; `apply_overrides` does not modify its arguments.
+_read_tree = lru_cache(maxsize=8)(read_yaml)
 MAX_BYTES = 2_000_000
 """Largest size of a scenario file."""
 
@@ -58,19 +59,18 @@ def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]
         "schema": "gslcosim/scenario/1",
         "name": "places",
         "environment": values.get("environment"),
-        "gas": {"sources": _get(values.get("gas"), "sources")},
-        "agents": [_agent(i, agent) for i, agent in enumerate(cast("list[Any]", agents))],
+        "gas": {"sources": block_in(values, "gas").get("sources")},
+        "agents": [
+            {
+                "name": f"agent_{i}",
+                "start": {"attach": True},
+                "vehicle": agent.get("vehicle"),
+                "sensors": [{"model": "anemometer", "name": "wind"}],
+            }
+            for i, agent in enumerate(_blocks(cast("list[Any]", agents)))
+        ],
     }
     return {**places, "wind": values["wind"]} if "wind" in values else places
-
-
-def _agent(index: int, agent: Any) -> dict[str, Any]:
-    return {
-        "name": f"agent_{index}",
-        "start": {"attach": True},
-        "vehicle": _get(agent, "vehicle"),
-        "sensors": [{"model": "anemometer", "name": "wind"}],
-    }
 
 
 def _concerns_places(path: str) -> bool:
@@ -82,10 +82,6 @@ def _concerns_places(path: str) -> bool:
     if top == "agents":
         return len(inner) < 2 or inner[1] == "vehicle"
     return True
-
-
-def _get(values: Any, key: str) -> Any:
-    return cast("dict[str, Any]", values).get(key) if isinstance(values, dict) else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +134,7 @@ def replace_random_positions(values: dict[str, Any], directory: Path, placer: Pl
 
 
 def drop_consequent_problems(problems: Sequence[Problem]) -> list[Problem]:
-    """Return problems without those of positions that only wait for the others to be solved, if there are others."""
+    """Leave out problems of positions that only wait for other problems to be solved, unless there are no others."""
     causes = [p for p in problems if p.expected != _AFTER_THE_OTHERS]
     return causes or list(problems)
 
@@ -148,11 +144,11 @@ def _refusal(path: str, expected: str) -> Problem:
 
 
 def _spots(values: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    for i, source in enumerate(_blocks(_block(values, "gas").get("sources"))):
+    for i, source in enumerate(_blocks(block_in(values, "gas").get("sources"))):
         if source.get("position_m") == RANDOM:
             yield f"gas.sources[{i}].position_m", source, "position_m"
     for i, agent in enumerate(_blocks(values.get("agents"))):
-        vehicle = _block(agent, "vehicle")
+        vehicle = block_in(agent, "vehicle")
         if vehicle.get("start_m") == RANDOM:
             yield f"agents[{i}].vehicle.start_m", vehicle, "start_m"
 
@@ -161,11 +157,6 @@ def _vehicle_in(block: dict[str, Any], key: str) -> VehicleSpec | None:
     if key != "start_m":
         return None
     return VehicleSpec.model_validate_json(json.dumps({**block, key: [0, 0, 0]}), strict=True)
-
-
-def _block(values: dict[str, Any], key: str) -> dict[str, Any]:
-    inner = values.get(key)
-    return cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
 
 
 # Other items become empty blocks, so that indices are those of the file.
@@ -219,14 +210,12 @@ def load_scenario(
     """
     path = find_scenario(source)
     text = _read_text(path)
-    tree = apply_overrides(_read_tree(text, _shown_path(source, path)), overrides, seed=seed, source=set_in)
+    shown_path = str(source) if Path(source).is_file() else str(path)
+    tree = apply_overrides(_read_tree(text, source=shown_path), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
     _check_sizes(tree)
     unplaced = replace_random_positions(tree.block, directory, placer) if tree.block is not None else []
-    scenario, problems = _check(tree, directory, known=unplaced)
-    problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
-    if scenario is None or problems or tree.problems:
-        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
+    scenario = _resolve(tree, directory, checks, known=unplaced)
     return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)
 
 
@@ -244,10 +233,14 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
     """
     tree = YamlTree(values, TextLocations(TextLocation(source=source)))
     _check_sizes(tree)
-    scenario, problems = _check(tree, directory, known=())
+    return _resolve(tree, directory, checks, known=())
+
+
+def _resolve(tree: YamlTree, directory: Path, checks: Sequence[Check], *, known: Sequence[Problem]) -> Scenario:
+    scenario, problems = _check(tree, directory, known)
     problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
-    if scenario is None or problems:
-        raise InvalidScenarioError(locate(problems, tree.marks), name=source)
+    if scenario is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
     return scenario
 
 
@@ -290,12 +283,6 @@ def find_scenario(source: str | Path) -> Path:
     )
 
 
-# Families load one file many times; `apply_overrides` does not modify its arguments.
-@lru_cache(_MOST_TREES)
-def _read_tree(text: str, source: str) -> YamlTree:
-    return read_yaml(text, source=source)
-
-
 def _read_text(path: Path) -> str:
     try:
         return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
@@ -307,10 +294,6 @@ def _read_text(path: Path) -> str:
         raise ScenarioError(
             f"{path}: expected a file that can be read, was one that cannot ({describe_os_error(error)})."
         ) from error
-
-
-def _shown_path(source: str | Path, path: Path) -> str:
-    return str(source) if Path(source).is_file() else str(path)
 
 
 # These come first, so that no check that looks for files or computes has to consider them.
@@ -331,8 +314,10 @@ def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[S
     known_paths = {problem.where for problem in known}
     problems: list[Problem] = [*known, *(problem for problem in found if problem.where not in known_paths)]
     problems += find_cross_problems(values, directory=directory)
+    # A value whose text is faulty has no further problems.
     spoilt = [located.problem.where for located in tree.problems]
-    return scenario, [p for p in problems if not any(_is_inside(p.where, path) for path in spoilt)]
+    inside = tuple(f"{path}{mark}" for path in spoilt for mark in ".[")
+    return scenario, [p for p in problems if p.where not in spoilt and not p.where.startswith(inside)]
 
 
 # JSON, because strict models accept its lists as tuples and its whole numbers as reals, but no text as a number.
@@ -354,10 +339,6 @@ def _check_places(
     known = {problem.where for problem in problems}
     found = [problem for check in checks for problem in check(scenario, directory)]
     return [problem for problem in found if problem.where not in known]
-
-
-def _is_inside(path: str, part: str) -> bool:
-    return path == part or path.startswith((f"{part}.", f"{part}["))
 
 
 def read_text(path: Path, *, shown_path: str) -> str:

@@ -152,15 +152,12 @@ def _inner_slot(slot: SchemaNode, segment: Segment) -> SchemaNode | None:
     if (variant := _variant(slot.annotation, segment)) is not None:
         return SchemaNode(path=slot.path, key=slot.key, annotation=variant)
     models = [slot.model] if slot.model else (model for _, model in _iterate_variants(slot.annotation))
-    field = next((field for model in models if (field := _field_of(model, segment))), None)
+    fields = (item for model in models for item in model.model_fields.items())
+    field = next((field for name, field in fields if (field.alias or name) == segment), None)
     if field is None:
         return None
     annotation, constraints = _split(_annotation_of(field))
     return SchemaNode(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
-
-
-def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
-    return next((field for name, field in model.model_fields.items() if (field.alias or name) == key), None)
 
 
 # Pydantic takes an annotation apart, and then has the `OneOf` of a block among the metadata.
@@ -358,7 +355,10 @@ def _settings(block: type[BaseModel], prefix: str) -> Iterator[SettingRow]:
         if inner is not None:
             yield from _settings(inner, f"{key}.")
             continue
-        yield SettingRow(key=key, unit=unit_text(name), default=default_text(field), meaning=_meaning(field))
+        words = list_words(field.annotation)
+        choice = f" ({', '.join(words)})" if len(words) > 1 else ""
+        meaning = f"{field.description or ''}{choice}".strip()
+        yield SettingRow(key=key, unit=unit_text(name), default=default_text(field), meaning=meaning)
 
 
 def unit_text(name: str) -> str:
@@ -390,12 +390,6 @@ def _shown(value: Any) -> str:
             return f"[{', '.join(_shown(item) for item in cast('tuple[Any, ...]', value))}]"
         case _:
             return str(value)
-
-
-def _meaning(field: FieldInfo) -> str:
-    words = list_words(field.annotation)
-    choice = f" ({', '.join(words)})" if len(words) > 1 else ""
-    return f"{field.description or ''}{choice}".strip()
 
 
 def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
@@ -520,7 +514,9 @@ def _value_remedy(slot: SchemaNode, value: Any) -> str:
     if kind is bool:
         return "Write true or false." if isinstance(value, str | int) else ""
     if kind is str:
-        return _name_remedy(value) if slot.constraints else _text_remedy(value)
+        if slot.constraints:
+            return _name_remedy(value)
+        return f"Put it in quotes: '{format_value(value)}'." if isinstance(value, int | float) else ""
     item = _item_annotation(kind)
     if (find_model(item) or _variants(item)) and not isinstance(value, list):
         return "Begin each block with a dash."
@@ -548,7 +544,3 @@ def _name_remedy(value: Any) -> str:
     words = re.sub(r"[^a-z0-9]+", "_", str(value).lower()).strip("_")
     name = words if words[:1].isalpha() else f"n_{words}"
     return f"For example {name[:40]}." if words and isinstance(value, str) else ""
-
-
-def _text_remedy(value: Any) -> str:
-    return f"Put it in quotes: '{format_value(value)}'." if isinstance(value, int | float) else ""

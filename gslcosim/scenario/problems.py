@@ -34,7 +34,8 @@ class LocatedProblem:
         problem = self.problem
         where = f"{self.place}: {_shortened(problem.where)}" if problem.where else f"{self.place}"
         remedy = f" {_shortened(problem.remedy)}" if problem.remedy else ""
-        return _in_one_line(f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}")
+        text = f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}"
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
     def as_fields(self) -> dict[str, str | int | None]:
         """Return all fields but the column, for JSON."""
@@ -106,10 +107,6 @@ def parent_path(path: str) -> str:
 # Keys and texts of a file may be of any length.
 def _shortened(text: str) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
-
-
-def _in_one_line(text: str) -> str:
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:

@@ -81,7 +81,10 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
         problem = Problem(where="", expected=f"at most {MAX_VALUES} values", found="more")
         raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except yaml.YAMLError as error:
-        raise _syntax_error(error, text, source) from error
+        line, column, expected, found, remedy = _describe_syntax_error(error, text)
+        place = TextLocation(source=f"{source}:{line}:{column}")
+        located = LocatedProblem(place=place, problem=Problem(where="", expected=expected, found=found, remedy=remedy))
+        raise InvalidScenarioError([located], name=source) from error
     marks = TextLocations(root, reader.places)
     return YamlTree(values, marks, locate(reader.problems, marks))
 
@@ -161,13 +164,6 @@ class _NodeReader:
         return TextLocation(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
 
 
-def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:
-    line, column, expected, found, remedy = _describe_syntax_error(error, text)
-    place = TextLocation(source=f"{source}:{line}:{column}")
-    problem = Problem(where="", expected=expected, found=found, remedy=remedy)
-    return InvalidScenarioError([LocatedProblem(place=place, problem=problem)], name=source)
-
-
 def _describe_syntax_error(error: yaml.YAMLError, text: str) -> tuple[int, int, str, str, str]:
     if isinstance(error, yaml.reader.ReaderError):
         position = int(error.position)
@@ -228,7 +224,11 @@ def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
     if isinstance(value, BaseModel):
         left_out = {*useless, *(value.useless_keys() if isinstance(value, KindedSpec) else ())}
         return {
-            field.alias or name: _plain(getattr(value, name), _inside(name, left_out))
+            # Of paths such as `plume.meander_s` those inside `plume`, without this prefix.
+            field.alias or name: _plain(
+                getattr(value, name),
+                [path.removeprefix(f"{name}.") for path in left_out if path.startswith(f"{name}.")],
+            )
             for name, field in type(value).model_fields.items()
             if name not in left_out
             and (getattr(value, name) is not None or field.default not in (None, PydanticUndefined))
@@ -236,8 +236,3 @@ def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in cast("dict[str, Any]", value).items()}
     return [_plain(item) for item in cast("tuple[Any, ...]", value)] if isinstance(value, tuple) else value
-
-
-# Of paths such as `plume.meander_s` those inside `plume`, without this prefix.
-def _inside(name: str, paths: Iterable[str]) -> list[str]:
-    return [path.removeprefix(f"{name}.") for path in paths if path.startswith(f"{name}.")]

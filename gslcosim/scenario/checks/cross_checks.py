@@ -48,19 +48,16 @@ def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
     """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply their inputs."""
     if isinstance(values, dict):
         for key, value in cast("dict[str, object]", values).items():
-            # The meaning of an agent's parameters is the agent's own.
+            # An agent's parameters have a meaning for the agent alone.
             if key != "parameters":
                 yield from find_numbers_too_large(value, child_path(path, key))
     elif isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
             yield from find_numbers_too_large(value, child_path(path, i))
     elif isinstance(values, int | float) and MAX_NUMBER < abs(values) < math.inf:
-        yield Problem(where=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
-
-
-def _shown_number(number: float) -> str:
-    """Return a number in a few characters."""
-    return f"{number:g}" if isinstance(number, float) else f"a whole number of {len(str(abs(number)))} digits"
+        is_real = isinstance(values, float)
+        found = f"{values:g}" if is_real else f"a whole number of {len(str(abs(values)))} digits"
+        yield Problem(where=path, expected=f"a number of at most {MAX_NUMBER:g}", found=found)
 
 
 def find_partial_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
@@ -484,14 +481,10 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
             problem = find_command_problem(words, directory=directory, path=f"{path}.command")
         if problem:
             yield problem
-        yield from _missing_registered_files(start, f"{key}[].start", path, directory)
-
-
-def _missing_registered_files(block: dict[str, Any], place: str, path: str, directory: Path) -> Iterator[Problem]:
-    for key in list_scenario_keys(place):
-        text = block.get(key.name)
-        if key.file and isinstance(text, str) and not (file := _place(directory, text)).is_file():
-            yield _missing(f"{path}.{key.name}", key.file, text, f"file {file}")
+        for added in list_scenario_keys(f"{key}[].start"):
+            text = start.get(added.name)
+            if added.file and isinstance(text, str) and not (file := _place(directory, text)).is_file():
+                yield _missing(f"{path}.{added.name}", added.file, text, f"file {file}")
 
 
 def _missing_inputs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:

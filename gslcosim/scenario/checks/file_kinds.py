@@ -51,8 +51,8 @@ def _find_kind_of(path: Path, kinds: tuple[FileKind, ...]) -> FileKind:
         return kind
     if remedy := find_remedy("files", word):
         raise UsageError(f"{path}: expected a kind of file that is installed, was gslcosim/{word}. {remedy}")
-    return next((kind for kind in kinds[1:] if _has_usual_name(path, kind)), kinds[0])
-
-
-def _has_usual_name(path: Path, kind: FileKind) -> bool:
-    return path.name.endswith(kind.ending) if kind.ending.startswith(".") else path.name == kind.ending
+    scenario, *others = kinds
+    for kind in others:
+        if path.name == kind.ending or (kind.ending.startswith(".") and path.name.endswith(kind.ending)):
+            return kind
+    return scenario

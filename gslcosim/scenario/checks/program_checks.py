@@ -48,7 +48,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
     for key, value in cast("dict[str, object]", values).items():
         place = child_path(path, key)
         if key not in _PATH_KEYS and key not in list_file_keys():
-            # The meaning of an agent's parameters is the agent's own.
+            # An agent's parameters have a meaning for the agent alone.
             if key != "parameters":
                 yield from find_unusable_paths(value, place)
             continue
@@ -175,7 +175,8 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
             where=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
         )
     kind = beginning[_MACHINE_AT]
-    own = _machine_of_this()
+    with Path("/proc/self/exe").open("rb") as program:
+        own = program.read(_MACHINE_AT.stop)[_MACHINE_AT]
     if kind == own or kind == _ALSO.get(own):
         return None
     return Problem(
@@ -184,11 +185,6 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
         found=found,
         remedy=f"{file} was built for another one: build it here.",
     )
-
-
-def _machine_of_this() -> bytes:
-    with Path("/proc/self/exe").open("rb") as program:
-        return program.read(_MACHINE_AT.stop)[_MACHINE_AT]
 
 
 def _names_in(folder: Path) -> list[str]:
@@ -203,16 +199,13 @@ def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> 
     if not script.endswith(SCRIPT_ENDINGS):
         return None
     if (file := (directory / script).resolve()).is_file():
-        is_for_this_python = script.endswith(".py") and _is_this_python(program, directory)
-        return _find_syntax_problem(file, script, child_path(path, 1)) if is_for_this_python else None
+        found = shutil.which(program) if "/" not in program else str(directory / program)
+        # Other versions of Python have other grammars.
+        is_this_python = found is not None and Path(found).resolve() == Path(sys.executable).resolve()
+        is_parsed = script.endswith(".py") and is_this_python
+        return _find_syntax_problem(file, script, child_path(path, 1)) if is_parsed else None
     remedy = f"There is no {(directory / script).resolve()}."
     return Problem(where=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)
-
-
-# Other versions of Python have other grammars.
-def _is_this_python(program: str, directory: Path) -> bool:
-    found = shutil.which(program) if "/" not in program else str(directory / program)
-    return found is not None and Path(found).resolve() == Path(sys.executable).resolve()
 
 
 def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:

@@ -660,10 +660,10 @@ class Scenario(Spec):
 
     def agents_by_process(self) -> dict[str, tuple[str, ...]]:
         """Return the agents of each process, in the scenario's order; a process has the name of an agent."""
-        flown: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
+        members: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
         for agent in self.agents:
-            flown[agent.process] += (agent.name,)
-        return flown
+            members[agent.process] += (agent.name,)
+        return members
 
     @property
     def methods(self) -> dict[str, str]:

@@ -24,6 +24,12 @@ Rays = Annotated[int, Field(ge=1, le=4096)]
 # Entry points of other packages' sensors; each is a `gslcosim_services.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
+# Descriptions of settings whose default differs between models.
+_NOISE = "standard deviation of the white noise, in the unit of its readings"
+_GAIN_SPREAD = "spread of units: standard deviation of the logarithm of a factor on each value"
+_DRIFT_SPREAD = "spread of the drifts of units, in the unit of its readings"
+_RESOLUTION = "resolution, in the unit of its readings (0: none)"
+_T90 = "response time T90 to a step (0: none)"
 
 
 class SensorSpec(Spec):
@@ -46,9 +52,7 @@ class SensorSpec(Spec):
 class NoisySensorSpec(SensorSpec):
     """A sensor whose values have white noise, in the unit of its readings."""
 
-    noise_std: NonNegative = Field(
-        default=0.0, description="standard deviation of the white noise, in the unit of its readings"
-    )
+    noise_std: NonNegative = Field(default=0.0, description=_NOISE)
 
 
 class MeasuringSensorSpec(NoisySensorSpec):
@@ -59,13 +63,9 @@ class MeasuringSensorSpec(NoisySensorSpec):
     max_value: Positive | None = Field(
         default=None, description="limit of the absolute value, in the unit of its readings (absent: none)"
     )
-    gain_spread: NonNegative = Field(
-        default=0.0, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    drift_spread_per_s: NonNegative = Field(
-        default=0.0, description="spread of the drifts of units, in the unit of its readings"
-    )
-    resolution: NonNegative = Field(default=0.0, description="resolution, in the unit of its readings (0: none)")
+    gain_spread: NonNegative = Field(default=0.0, description=_GAIN_SPREAD)
+    drift_spread_per_s: NonNegative = Field(default=0.0, description=_DRIFT_SPREAD)
+    resolution: NonNegative = Field(default=0.0, description=_RESOLUTION)
 
 
 class OnBoardSensorSpec(SensorSpec):
@@ -124,17 +124,11 @@ class MoxSensorSpec(MeasuringSensorSpec):
 class PidSensorSpec(MeasuringSensorSpec):
     """A photo-ionisation detector."""
 
-    noise_std: NonNegative = Field(
-        default=0.03, description="standard deviation of the white noise, in the unit of its readings"
-    )
-    gain_spread: NonNegative = Field(
-        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    drift_spread_per_s: NonNegative = Field(
-        default=3e-5, description="spread of the drifts of units, in the unit of its readings"
-    )
-    resolution: NonNegative = Field(default=0.1, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=3.0, description="response time T90 to a step (0: none)")
+    noise_std: NonNegative = Field(default=0.03, description=_NOISE)
+    gain_spread: NonNegative = Field(default=0.05, description=_GAIN_SPREAD)
+    drift_spread_per_s: NonNegative = Field(default=3e-5, description=_DRIFT_SPREAD)
+    resolution: NonNegative = Field(default=0.1, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=3.0, description=_T90)
     lamp_ev: Positive = Field(default=11.7, description="photon energy of the lamp: 10.6 or 11.7")
 
     @model_validator(mode="after")
@@ -181,24 +175,18 @@ class SecondOrderSensorSpec(MeasuringSensorSpec):
 class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
     """An open-path laser along a beam."""
 
-    noise_std: NonNegative = Field(
-        default=3.0, description="standard deviation of the white noise, in the unit of its readings"
-    )
-    gain_spread: NonNegative = Field(
-        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    resolution: NonNegative = Field(default=1.0, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=0.1, description="response time T90 to a step (0: none)")
+    noise_std: NonNegative = Field(default=3.0, description=_NOISE)
+    gain_spread: NonNegative = Field(default=0.05, description=_GAIN_SPREAD)
+    resolution: NonNegative = Field(default=1.0, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=0.1, description=_T90)
 
 
 class Anemometer3dSpec(MeasuringSensorSpec):
     """An anemometer of three axes."""
 
-    gain_spread: NonNegative = Field(
-        default=0.01, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    resolution: NonNegative = Field(default=0.01, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=0.25, description="response time T90 to a step (0: none)")
+    gain_spread: NonNegative = Field(default=0.01, description=_GAIN_SPREAD)
+    resolution: NonNegative = Field(default=0.01, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=0.25, description=_T90)
     speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
 
 
