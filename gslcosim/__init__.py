@@ -13,7 +13,7 @@ __version__ = "0.2.0"
 use_kernel_cache()
 
 
-# What a person calls, by where it is; imported when it is asked for, so that a start stays short.
+# Public names by their modules, which are imported on first use, so that a start stays short.
 _CALLABLES = {"Simulation": "gslcosim.simulation.simulation"}
 _MODULES = ("agent_kit",)
 

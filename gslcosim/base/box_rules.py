@@ -1,4 +1,4 @@
-"""Rules of boxes in files that users write: what validators raise where corners do not go together."""
+"""Rules of boxes in users' files, as validators' errors for corners that do not fit together."""
 
 from pydantic_core import PydanticCustomError
 
@@ -7,12 +7,12 @@ from gslcosim.base.quantities import Vec3
 
 
 def format_point(numbers: Vec3) -> str:
-    """Return three numbers as a scenario file has them."""
+    """Return three numbers in the notation of scenario files."""
     return f"[{', '.join(f'{number:g}' for number in numbers)}]"
 
 
 def check_box(min_m: Vec3, max_m: Vec3) -> None:
-    """Raise what a validator raises where two points are not the lower and upper corner of a box [m]."""
+    """Raise a validator's error unless two points are the lower and upper corner of a box [m]."""
     if min(measure_sides_m(min_m, max_m)) <= 0:
         raise build_corner_error(
             max_m,
@@ -22,7 +22,7 @@ def check_box(min_m: Vec3, max_m: Vec3) -> None:
 
 
 def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
-    """As `check_box`; the box has to be flat along exactly one axis."""
+    """Raise a validator's error unless two points span a rectangle: a box that is flat along exactly one axis."""
     sides_m = measure_sides_m(min_m, max_m)
     if min(sides_m) != 0 or sides_m.count(0) != 1:
         raise build_corner_error(
@@ -33,7 +33,7 @@ def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
 
 
 def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
-    """Raise what a validator raises where an opening that is no inlet has a velocity."""
+    """Raise a validator's error if an opening other than an inlet has a velocity."""
     if velocity_m_s is not None and kind != "inlet":
         raise broken_rule_error(
             key="velocity_m_s",
@@ -44,10 +44,10 @@ def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
 
 
 def build_corner_error(max_m: Vec3, expected: str, remedy: str) -> PydanticCustomError:
-    """Return the error of a second corner that does not go with the first."""
+    """Return the error of a second corner that does not fit the first."""
     return broken_rule_error(key="max_m", expected=expected, found=format_point(max_m), remedy=remedy)
 
 
 def measure_sides_m(min_m: Vec3, max_m: Vec3) -> list[float]:
-    """Return the lengths of a box along the axes [m], below 0 where its corners are the wrong way round."""
+    """Return the lengths of a box along the axes [m]; negative where its corners are in the wrong order."""
     return [high - low for low, high in zip(min_m, max_m, strict=True)]

@@ -43,9 +43,9 @@ def bundled_agents() -> dict[str, Path]:
 
 
 def find_bundled_agent(name: str) -> Path | None:
-    """Return the program of the bundled Python agent of a name, as `bundled_agents` has it, or None.
+    """Return the program of the bundled Python agent of a name, from the folders of `bundled_agents`, or None.
 
-    It lists no folder: a suite asks for its methods thousands of times.
+    No folder is listed: suites look up their methods thousands of times.
     """
     if name in ("", "..") or Path(name).name != name:
         return None
@@ -54,9 +54,9 @@ def find_bundled_agent(name: str) -> Path | None:
 
 
 def bundled_schemas() -> dict[str, Path]:
-    """Return the JSON Schemas of the files that users write by the word in their `schema`, such as `suite`.
+    """Return the JSON Schemas of the files that users write, by the kind in their `schema`, such as `suite`.
 
-    Each lies in the package of the bundled files that name it by a relative path, which holds wherever that package is.
+    Each lies in the package of the bundled files that refer to it by a relative path, which holds in any installation.
     """
     schemas = {
         kind: bundled_folder("schemas") / f"{kind}.schema.json" for kind in ("scenario", "suite", "family", "train")
@@ -74,7 +74,7 @@ def bundled_contract() -> Path:
     return _folder_of(AGENTS_PACKAGE) / "contract"
 
 
-# Those that extensions register, packages by their entry points, and last the one whose agents none of them replaces.
+# Packages of extensions by their entry points, and last the core's own, whose agents take precedence.
 @cache
 def _list_agent_folders() -> tuple[Path, ...]:
     return tuple(_folder_of(package) for package in (*(p.value for p in list_registered(AGENTS_GROUP)), AGENTS_PACKAGE))

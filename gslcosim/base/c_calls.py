@@ -7,7 +7,7 @@ from llvmlite import ir
 
 
 class _FunctionAt:
-    # Pointers have no type of what they point to, and llvmlite asks what it calls for its own.
+    # Opaque pointers have no type of their target; llvmlite reads the called function's type from here.
     def __init__(self, pointer: Any, function_type: ir.FunctionType) -> None:
         self.type = pointer.type
         self.function_type = function_type
@@ -18,10 +18,10 @@ def call_address(builder: ir.IRBuilder, address: Any, function_type: ir.Function
     """Emit the call of the C function at an address; return its result.
 
     Args:
-        builder: llvmlite's, where the call goes.
-        address: Integer of the size of a pointer.
+        builder: llvmlite's builder, positioned at the call.
+        address: Address of the function, an integer of pointer size.
         function_type: Type of the function.
-        arguments: Of the types that the function has.
+        arguments: Values of the function's argument types.
 
     Held by:
         tests/unit/services/world/test_simulation_loop.py

@@ -1,9 +1,9 @@
 # pyright: basic
-"""Kernels on cubic cells that the planners of vehicles, of the referee and of agents share.
+"""Kernels on cubic cells for the planners of vehicles, of the referee and of agents.
 
-Each planner has its own search, because its results are part of what a run repeats to the bit: vehicles need one path
-between two points (A*), agents the paths from one cell to all (Dial's buckets), and the referee the shortest way by
-bends anywhere (Lazy Theta*). What a step may cross, which cells hang together and which bends stay is here.
+Each planner has its own search, because a run reproduces its results to the bit: vehicles need one path between two
+points (A*), agents the paths from one cell to all (Dial's buckets), and the referee the shortest way with bends
+anywhere (Lazy Theta*). Their common parts are here: permitted steps, connected cells, bends to keep.
 """
 
 import numba
@@ -40,13 +40,13 @@ def is_step_free(cells, blocked, i, j, k, di, dj, dk):
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def keep_bends(points, is_leg_free, space):
-    """Leave out the points of a path that it can pass by: from each point on straight to the last one that it sees.
+    """Straighten a path: from each point that stays, go straight to the last one in sight and drop those between.
 
     Args:
         points: (n, d) path of at least one point.
-        is_leg_free: Compiled function of `space` and two points: whether the straight line between them is free. It
-            is set in when the caller is compiled, so no function is passed at run time.
-        space: What it looks at.
+        is_leg_free: Compiled function of `space` and two points: True if the straight line between them is free. It is
+            bound when the caller is compiled, so no function is passed at run time.
+        space: First argument of `is_leg_free`.
 
     Returns:
         (m, d) first point, bends, last point.
@@ -72,16 +72,16 @@ def keep_bends(points, is_leg_free, space):
 
 @numba.njit(cache=True, nogil=True)
 def label_parts(cells, blocked):
-    """Number the parts that the free cells fall into: cells of one part reach each other through faces.
+    """Label the connected parts of the free cells: cells of one part reach each other through faces.
 
-    A step that cuts no corner passes faces of free cells, so what one part cannot reach no path can.
+    A step that cuts no corner passes faces of free cells, so no path leads from one part to another.
 
     Args:
         cells: (nx, ny, nz) array; index order ij.
         blocked: Value of a cell that is not free.
 
     Returns:
-        (nx, ny, nz) int32, 0 where blocked, else the number of its part, from 1 in the order of their first cells.
+        (nx, ny, nz) int32, 0 where blocked, otherwise the label of the part, from 1 in the order of first cells.
 
     Held by:
         tests/unit/base/test_cell_kernels.py

@@ -1,8 +1,8 @@
-"""Checksums of files in a folder, by which files that were changed or damaged are refused when they are read.
+"""Checksums of the files in a folder, by which readers refuse files that were changed or damaged.
 
 `checksums.json` has a BLAKE2b hash of each file, a hash of itself, and a signature with the key of the cache (see
-`kernel_cache`). The hashes find damage, wherever the folder was written. The signature tells a folder of this cache
-from one from elsewhere, whose content proves nothing about its origin.
+`kernel_cache`). The hashes find damage in a folder of any origin. The signature distinguishes a folder of this cache
+from a foreign one, whose content proves nothing about its origin.
 """
 
 import contextlib
@@ -25,25 +25,25 @@ _BLOCK_BYTES = _MIN_KEPT_BYTES = 1 << 20
 
 
 def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping[str, Path] | None = None) -> None:
-    """Write the checksums of files, beside those of others that are there.
+    """Write the checksums of files, beside the existing ones of others.
 
     Args:
-        folder: Where they are.
-        names: The files.
-        place: The folder's name once it is complete, where it has another one now.
-        written: Files that are about to take the place of those of `names`, where they do not stand there yet.
+        folder: Folder of the files.
+        names: Names of the files.
+        place: The folder's final name, if it has a temporary one now.
+        written: Paths of files that are about to be moved to one of `names`.
     """
     path, files, place = folder / CHECKSUMS_FILE, dict[str, str](), place or folder.name
     is_ours = True
-    # Of one that is damaged, what it had of the others is lost.
+    # A damaged file of checksums is replaced, and those of other files are lost.
     with contextlib.suppress(MalformedFileError):
         if path.is_file():
             files, signature = _read(path)
-            # Hashes from elsewhere are not signed with the rest.
+            # Foreign hashes get no signature of ours.
             is_ours = is_signed(place, _body_of(files), signature, path)
     for name in names:
         found = _hash_file((written or {}).get(name, folder / name))
-        # A machine that stops between this file and that one leaves either: the hash before stays.
+        # The machine may stop between writing this file and that one, so the previous hash stays valid.
         files[name] = " ".join([found, *files.get(name, "").split()][:2])
     body = _body_of(files)
     content = {
@@ -55,14 +55,14 @@ def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping
 
 
 def check_files(folder: Path, *names: str) -> bool:
-    """Compare files with the checksums of their folder, where it has them.
+    """Compare files with the checksums of their folder, if it has any.
 
     Args:
-        folder: Where they are.
-        names: The files; those that are missing do not count.
+        folder: Folder of the files.
+        names: Names of the files; missing ones do not count.
 
     Returns:
-        Whether all have a checksum, and these are signed with the key of the cache.
+        True if all have a checksum, and the checksums are signed with the key of the cache.
     """
     path = folder / CHECKSUMS_FILE
     if not path.is_file():
@@ -109,7 +109,7 @@ def _hash(body: bytes) -> str:
     return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).hexdigest()
 
 
-# A process that reads a large room again and again reads all of it once, until it is another file.
+# A process that reads a large room repeatedly hashes it once, until the file changes.
 def _hash_file(path: Path) -> str:
     status = path.stat()
     if status.st_size < _MIN_KEPT_BYTES:

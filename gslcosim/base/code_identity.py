@@ -11,9 +11,9 @@ from gslcosim.base.files import replace_file
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 
 _CORE = ("gslcosim", "gslcosim_services")
-# Beside gslcosim's own code, what computes runs.
+# Packages beside gslcosim's own whose code computes the results of runs.
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
-# Code that shows runs, or counts over them, decides none.
+# Code that shows runs, or counts over them, decides no result.
 _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
     "gslcosim/recordings",
@@ -23,13 +23,13 @@ _DIGEST_BYTES = 16
 
 
 def hash_result_code() -> str:
-    """Return a hash that changes when any code that decides the results of a run does."""
+    """Return a hash that changes with any code that decides the results of a run."""
     own = [path for path in list_package_files(*_CORE) if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)]
     return hash_code([*own, *list_registered_files()])
 
 
 def list_registered_files() -> list[Path]:
-    """Return the modules by which extensions decide results, as each registers: its models, and not its figures."""
+    """Return the modules that extensions register as deciding results: their models, but not their figures."""
     return list_package_files(*(point.value.replace(".", "/") for point in list_registered(RESULT_CODE_GROUP)))
 
 
@@ -41,7 +41,7 @@ def _name_in_package(path: Path) -> str:
 
 
 def list_package_files(*parts: str) -> list[Path]:
-    """Return the modules in folders, with all below them, and files; each part from a package's name on.
+    """Return the modules in folders, with all below them, and files; each part begins with a package's name.
 
     A folder with a trailing `/*` counts without the folders below it.
     """
@@ -57,12 +57,12 @@ def list_package_files(*parts: str) -> list[Path]:
 
 
 def hash_code(paths: Sequence[Path]) -> str:
-    """Return 32 hexadecimal digits that change when the code of any of some modules of our packages does.
+    """Return 32 hexadecimal digits that change with the code of any of the given modules of our packages.
 
-    Reading the text of code takes a while, so the answer is kept for files with the same bytes.
+    Parsing code takes a while, so the answer is cached for files with the same bytes.
 
     Args:
-        paths: Files of Python in our packages; their order counts.
+        paths: Python files in our packages; their order counts.
     """
     contents = [(_name_in_package(path), path.read_bytes()) for path in paths]
     raw = hashlib.blake2b(digest_size=_DIGEST_BYTES)
@@ -71,21 +71,21 @@ def hash_code(paths: Sequence[Path]) -> str:
         raw.update(content)
     kept = get_cache_root() / "code" / raw.hexdigest()
     try:
-        said, check = kept.read_text(encoding="ascii").split()
-        if check == _check_answer(kept.name, said):
-            return said
+        answer, check = kept.read_text(encoding="ascii").split()
+        if check == _check_answer(kept.name, answer):
+            return answer
     except (OSError, ValueError):
         pass
-    said = _hash_syntax(contents)
-    # A cache that cannot be written to costs time and nothing else.
+    answer = _hash_syntax(contents)
+    # Without a writable cache only time is lost.
     with contextlib.suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(kept.parent, kept.name, f"{said} {_check_answer(kept.name, said)}".encode())
-    return said
+        replace_file(kept.parent, kept.name, f"{answer} {_check_answer(kept.name, answer)}".encode())
+    return answer
 
 
-def _check_answer(question: str, said: str) -> str:
-    return hashlib.blake2b(f"{question} {said}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
+def _check_answer(question: str, answer: str) -> str:
+    return hashlib.blake2b(f"{question} {answer}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
 
 
 def _hash_syntax(contents: Sequence[tuple[str, bytes]]) -> str:

@@ -1,7 +1,7 @@
-"""Entries of gslcosim's cache on disk: their sizes, which are in use, and which make room for others.
+"""Entries of gslcosim's cache on disk: their sizes, their use, and their eviction.
 
-An entry is in use as long as a process lives that has marked it, or a fork of such a process: each process has a file
-in `leases` that it has locked, with the entries that it uses. When it was last used is the folder's time of change.
+An entry is in use as long as a process that has marked it lives, or a fork of such a process: each process keeps a
+locked file in `leases` with its entries. A folder's modification time is the time of its last use.
 """
 
 import contextlib
@@ -25,16 +25,16 @@ if sys.platform != "win32":
 LIMIT_VARIABLE = "GSLCOSIM_CACHE_LIMIT"
 DEFAULT_LIMIT_BYTES = 5_000_000_000
 UNUSED_KERNELS_S = 30 * 86400.0
-"""Kernels of other versions of the code, which nothing loads any more, go after so long without use."""
+"""Time without use [s] after which kernels of other versions of the code, which nothing loads any more, are evicted."""
 
 FOLDERS = {"room": "environments", "tape": "tapes", "kernels": "numba", "files": "shipped", "program": "agents"}
-"""The folder of each kind of entry: rooms with their wind, gas on tape, compiled kernels, files of suites from other
-hosts, and programs of agents that make has built."""
+"""Folder of each kind of entry: rooms with their wind, stored gas, compiled kernels, files of suites from other hosts,
+and programs of agents that make has built."""
 
-# What nobody makes again by itself is not removed by itself.
+# Entries that nothing rebuilds by itself are not evicted.
 _EVICTED_KINDS = ("room", "tape", "kernels", "files")
 _LEASES, _LOCK, _EVICTED = "leases", ".lock", ".evicted."
-# What is being made has another name, and is a leftover when nothing was written to it for so long.
+# An entry under construction has another name, and is a leftover after this time without changes.
 _UNFINISHED_S = 86400.0
 _FINISHED = re.compile(r"[0-9a-f]{8,}(-\d+)?")
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(i?)B?", re.IGNORECASE)
@@ -43,7 +43,7 @@ _BLOCK_BYTES = 512
 
 @dataclass(frozen=True, kw_only=True)
 class CacheEntry:
-    """A folder that can be removed as a whole; its user makes it again."""
+    """A folder that can be removed as a whole; its user builds it again."""
 
     kind: str
     folder: Path
@@ -53,14 +53,15 @@ class CacheEntry:
 
     @property
     def is_evictable(self) -> bool:
-        """True if it may be removed without being asked for."""
+        """True if it may be removed without a user's request."""
         return self.kind in _EVICTED_KINDS and not self.is_in_use
 
 
 def mark_used(folder: Path) -> None:
-    """Take note that this process uses an entry of the cache, for as long as it and its forks live.
+    """Mark an entry of the cache as used by this process, for as long as the process and its forks live.
 
-    A folder elsewhere is none of the cache's. Where the cache cannot be written, nothing can be removed from it either.
+    Folders outside the cache are ignored. A cache that cannot be written needs no marks: nothing can be removed from
+    it.
     """
     root = get_cache_root()
     if not folder.absolute().is_relative_to(root.absolute()):
@@ -72,7 +73,7 @@ def mark_used(folder: Path) -> None:
 
 
 def list_entries(root: Path | None = None) -> list[CacheEntry]:
-    """Return the entries of the cache, those that were used last first."""
+    """Return the entries of the cache, most recently used first."""
     root = root or get_cache_root()
     used = _folders_in_use(root)
     found = [entry for kind, name in FOLDERS.items() for entry in _entries_in(root / name, kind, used)]
@@ -85,7 +86,7 @@ def remove_entries(
     """Remove entries of the cache that are not in use, and return them.
 
     Args:
-        choose: Returns those to be removed, of all that there are; of these, ones in use stay.
+        choose: Returns the entries to remove, given all; entries in use stay.
         root: The folder of the cache.
     """
     root = root or get_cache_root()
@@ -94,7 +95,8 @@ def remove_entries(
     removed: list[CacheEntry] = []
     doomed: list[Path] = []
     try:
-        # Whoever begins to use an entry waits until it has its other name, under which nobody finds it.
+        # A process that begins to use an entry waits until the entry has its other name, under which it cannot be
+        # found.
         with hold_lock(root / _LOCK):
             for entry in choose(list_entries(root)):
                 if not entry.is_in_use:
@@ -110,9 +112,9 @@ def remove_entries(
 
 
 def keep_within_limit() -> list[CacheEntry]:
-    """Remove what was unused for longest until the cache is within its limit, and kernels of versions that are gone.
+    """Remove least recently used entries until the cache is within its limit, and kernels of obsolete versions.
 
-    It is called when something was added. Where the cache cannot be written, nothing happens.
+    Call this after an addition. It does nothing in a cache that cannot be written.
     """
     limit_bytes = limit_from_environment()
     with contextlib.suppress(GslCosimError):
@@ -121,12 +123,12 @@ def keep_within_limit() -> list[CacheEntry]:
 
 
 def choose_unused(entries: Sequence[CacheEntry], limit_bytes: float, now_s: float) -> list[CacheEntry]:
-    """Return the entries to remove so that the rest is within a limit: what was unused for longest first.
+    """Return the entries to remove so that the rest is within a limit, least recently used first.
 
     Args:
-        entries: All.
-        limit_bytes: How much all entries may take [bytes]; what is in use counts, but stays.
-        now_s: The time, as that of entries.
+        entries: All entries.
+        limit_bytes: Limit on the total size [bytes]; entries in use count, but stay.
+        now_s: Current time, on the clock of the entries.
     """
     total_bytes = sum(entry.size_bytes for entry in entries)
     chosen: list[CacheEntry] = []
@@ -139,7 +141,7 @@ def choose_unused(entries: Sequence[CacheEntry], limit_bytes: float, now_s: floa
 
 
 def limit_from_environment() -> float:
-    """Return the size limit of the cache [bytes], as `GSLCOSIM_CACHE_LIMIT` says; infinite where that is `none`."""
+    """Return the size limit of the cache [bytes] from `GSLCOSIM_CACHE_LIMIT`; infinite for `none`."""
     text = os.environ.get(LIMIT_VARIABLE, "").strip()
     if not text:
         return DEFAULT_LIMIT_BYTES
@@ -156,7 +158,7 @@ def parse_size_bytes(text: str, *, place: str) -> float:
 
 
 class _Lease:
-    """A locked file with the entries that this process uses."""
+    """Locked file that lists the entries used by this process."""
 
     def __init__(self) -> None:
         self._guard = threading.Lock()
@@ -174,7 +176,7 @@ class _Lease:
                 return
             root.mkdir(parents=True, exist_ok=True)
             with hold_lock(root / _LOCK):
-                # The file of a process that has forked this one is that one's, and stays locked by both.
+                # After a fork, the parent's file stays with the parent, locked by both processes.
                 if (self._pid, self._root) != (os.getpid(), root):
                     self._begin(root)
                 os.write(self._descriptor, os.fsencode(name) + b"\n")
@@ -196,7 +198,7 @@ class _Lease:
 _lease = _Lease()
 
 
-# Those of processes that have not ended: their locks are held.
+# Leases of processes that have not ended: their locks are held.
 def _live_leases(root: Path) -> list[Path]:
     if sys.platform == "win32":
         return []

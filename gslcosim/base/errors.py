@@ -8,109 +8,6 @@ from enum import IntEnum
 from pathlib import Path
 from typing import ClassVar
 
-
-class ExitCode(IntEnum):
-    """Exit codes of the command line, which say who has to act."""
-
-    SUCCESS = 0
-    AGENT_FAILED = 1
-    USAGE = 2
-    FAULT = 3
-    TIMEOUT = 4
-    DIVERGENCE = 5
-    INTERRUPTED = 130
-
-
-class GslCosimError(Exception):
-    """Base of all errors raised on purpose; its text is meant for a person."""
-
-    exit_code: ClassVar[ExitCode] = ExitCode.FAULT
-
-
-class ScenarioError(GslCosimError):
-    """A scenario file is wrong; the user corrects the places listed in the message."""
-
-    exit_code = ExitCode.USAGE
-
-
-class UsageError(GslCosimError):
-    """A command line is wrong; the user corrects the call."""
-
-    exit_code = ExitCode.USAGE
-
-
-class VehicleError(GslCosimError):
-    """The folder of a vehicle is incomplete or contradicts itself; who made the vehicle corrects it."""
-
-    exit_code = ExitCode.USAGE
-
-
-class EnvironmentDataError(GslCosimError):
-    """An environment folder or imported file is missing, corrupt or inconsistent; the user fixes the file."""
-
-    exit_code = ExitCode.USAGE
-
-
-class MachineError(GslCosimError):
-    """The machine refuses something: room, permission, memory; the user makes room or chooses another place."""
-
-    exit_code = ExitCode.FAULT
-
-
-class RecordingError(GslCosimError):
-    """A recording cannot be shown or repaired; the user installs what is named, or flies the run again."""
-
-    exit_code = ExitCode.USAGE
-
-
-class RecordingWriteError(MachineError, RecordingError):
-    """A recording cannot be written; the user frees the disk, or does without the recording."""
-
-
-class RunFolderError(MachineError):
-    """A file in a run's folder cannot be written; the user frees the disk, or finds out who took the folder away."""
-
-
-class FlowError(GslCosimError):
-    """A wind solve cannot start or has diverged; the user changes boundary, cell or time step."""
-
-    exit_code = ExitCode.USAGE
-
-
-class ShapeError(GslCosimError, ValueError):
-    """An array argument has the wrong shape or dtype; the caller's code is wrong."""
-
-
-class MethodError(GslCosimError):
-    """A method lacks what it needs, or its card or a parameter is wrong; the user changes the scenario or the card."""
-
-
-class ContractError(GslCosimError):
-    """A message is not what the contract says; the sender is wrong."""
-
-
-class DataflowError(GslCosimError):
-    """Declared reads and writes do not form a runnable dataflow (for example a cycle without delay)."""
-
-
-class ModelError(GslCosimError):
-    """A core's state became invalid (not finite, out of its range); the run is stopped."""
-
-
-class SnapshotError(GslCosimError):
-    """A core's state cannot be kept or brought back; the text says what of it."""
-
-
-class SimulationFault(GslCosimError):  # noqa: N818 - it is somebody's fault, and the text says whose
-    """A service failed during a run; names the culprit."""
-
-
-class RunTimeoutError(GslCosimError):
-    """Nothing moved for longer than allowed; says who waits for whom."""
-
-    exit_code = ExitCode.TIMEOUT
-
-
 if sys.platform != "win32":
     import resource
 
@@ -136,27 +33,131 @@ _REMEDIES = {
     errno.EIO: "Check the disk.",
 }
 RESOURCE_ERRNOS = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
-"""Error numbers of exhausted resources, whatever was asked for."""
+"""Error numbers of exhausted resources, whatever the request."""
 
 _TARGET_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EEXIST)
 _PATH_ERRNOS = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
-# What Python and packages say instead of an error of a class of its own.
+# Messages of Python and packages for lack of memory, without an error class of its own.
 _MEMORY_MESSAGES = (
     "cannot allocate memory",
     "failed to map segment",
     "could not allocate memory",
     "out of memory",
 )
-# What llvmlite makes of every reason for which its library could not be loaded.
+# llvmlite's message for every reason for which its library could not be loaded.
 _LIBRARY_MESSAGE = "could not find/load shared object"
-# The system gives one reason for both: no more processes, which threads count as, or no room for a stack.
+# The system gives one reason for both: no more processes (threads count as such), or no room for a stack.
 _PROCESS_MESSAGES = ("can't start new thread", "resource temporarily unavailable")
-# With less room for addresses packages of other people hang or abort while they are loaded, and nobody can tell why.
+# With a smaller address space third-party packages hang or abort on import, without a reason.
 MIN_ADDRESS_SPACE_MB = 1200
+# Package that builds and refuses messages.
+_CONTRACT = Path(__file__).resolve().parents[1] / "contract"
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command line; each stands for the party that has to act."""
+
+    SUCCESS = 0
+    AGENT_FAILED = 1
+    USAGE = 2
+    FAULT = 3
+    TIMEOUT = 4
+    DIVERGENCE = 5
+    INTERRUPTED = 130
+
+
+class GslCosimError(Exception):
+    """Base of all errors raised on purpose; its text is for people."""
+
+    exit_code: ClassVar[ExitCode] = ExitCode.FAULT
+
+
+class ScenarioError(GslCosimError):
+    """A scenario file is wrong; the user corrects the places listed in the message."""
+
+    exit_code = ExitCode.USAGE
+
+
+class UsageError(GslCosimError):
+    """A command line is wrong; the user corrects the call."""
+
+    exit_code = ExitCode.USAGE
+
+
+class VehicleError(GslCosimError):
+    """The folder of a vehicle is incomplete or contradicts itself; the vehicle's author corrects it."""
+
+    exit_code = ExitCode.USAGE
+
+
+class EnvironmentDataError(GslCosimError):
+    """An environment folder or imported file is missing, corrupt or inconsistent; the user fixes the file."""
+
+    exit_code = ExitCode.USAGE
+
+
+class MachineError(GslCosimError):
+    """The machine lacks something: room, permission, memory; the user makes room or chooses another place."""
+
+    exit_code = ExitCode.FAULT
+
+
+class RecordingError(GslCosimError):
+    """A recording cannot be shown or repaired; the user installs the package named, or repeats the run."""
+
+    exit_code = ExitCode.USAGE
+
+
+class RecordingWriteError(MachineError, RecordingError):
+    """A recording cannot be written; the user frees disk space, or runs without a recording."""
+
+
+class RunFolderError(MachineError):
+    """A file in a run's folder cannot be written; the user frees disk space, or finds what removed the folder."""
+
+
+class FlowError(GslCosimError):
+    """A wind solve cannot start or has diverged; the user changes boundary, cell or time step."""
+
+    exit_code = ExitCode.USAGE
+
+
+class ShapeError(GslCosimError, ValueError):
+    """An array argument has the wrong shape or dtype; the caller's code is wrong."""
+
+
+class MethodError(GslCosimError):
+    """A method lacks an input, or its card or a parameter is wrong; the user changes the scenario or the card."""
+
+
+class ContractError(GslCosimError):
+    """A message violates the contract; the sender is at fault."""
+
+
+class DataflowError(GslCosimError):
+    """Declared reads and writes do not form a runnable dataflow (for example a cycle without delay)."""
+
+
+class ModelError(GslCosimError):
+    """A core's state became invalid (not finite, out of its range); the run is stopped."""
+
+
+class SnapshotError(GslCosimError):
+    """A core's state cannot be saved or restored; the text names the part."""
+
+
+class SimulationFault(GslCosimError):  # noqa: N818 - a fault of a service, which the text names
+    """A service failed during a run; the text names the service."""
+
+
+class RunTimeoutError(GslCosimError):
+    """Nothing moved for longer than allowed; the text lists the processes and what each waits for."""
+
+    exit_code = ExitCode.TIMEOUT
 
 
 def check_address_space() -> None:
-    """Refuse a limit on addresses below which no run works."""
+    """Refuse a limit on the address space below which no run works."""
     limit = _read_address_limit()
     if limit is not None and limit < MIN_ADDRESS_SPACE_MB * 1e6:
         raise MachineError(
@@ -173,7 +174,7 @@ def _read_address_limit() -> int | None:
 
 
 def check_working_directory() -> None:
-    """Refuse a working directory that was removed, in which no relative path means anything."""
+    """Refuse a working directory that was removed, in which relative paths have no meaning."""
     try:
         Path.cwd()
     except FileNotFoundError as error:
@@ -183,7 +184,7 @@ def check_working_directory() -> None:
 
 
 def build_process_error() -> MachineError:
-    """Return an error for a person where a process or thread could not be started."""
+    """Return the error for a process or thread that could not be started."""
     if _read_address_limit() is not None:
         return build_machine_error(MemoryError(), "the machine", "memory for one thing more")
     return MachineError(
@@ -193,7 +194,7 @@ def build_process_error() -> MachineError:
 
 
 def describe_os_error(error: OSError | MemoryError) -> str:
-    """Return the reason that the machine gives, as part of a sentence."""
+    """Return the machine's reason, as part of a sentence."""
     if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
         return "out of memory"
     return (error.strerror or str(error) or type(error).__name__).rstrip(".").lower()
@@ -213,14 +214,14 @@ def build_machine_error(
     path: Path | str | None = None,
     remedy: str = "",
 ) -> MachineError:
-    """Return an error for a person, made of what the machine said.
+    """Return the readable error for a failure of the machine.
 
     Args:
-        error: What the machine said.
-        place: What could not be used.
-        expected: What it should have been, for example `a folder that can be written`.
+        error: Error of the operating system.
+        place: The thing that could not be used.
+        expected: Its expected state, for example `a folder that can be written`.
         path: The file or folder; by default the one that the error names.
-        remedy: What to do; by default what helps against this kind of error.
+        remedy: A sentence; by default the remedy for this kind of error.
     """
     return MachineError(format_machine_error(error, place, expected, path=path, remedy=remedy))
 
@@ -229,28 +230,26 @@ def format_machine_error(
     error: OSError | MemoryError, place: str, expected: str, *, path: Path | str | None = None, remedy: str = ""
 ) -> str:
     """Return the text of `build_machine_error`."""
-    named = _get_refused_path(error) if path is None and isinstance(error, OSError) else path
+    if path is None and isinstance(error, OSError):
+        # For a link, a copy or a move the system also names the existing target.
+        is_target = error.filename2 is not None and error.errno in _TARGET_ERRNOS
+        path = error.filename2 if is_target else error.filename
     text = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
-    return text if named is None else f"{text}\nFile: {os.fspath(named)}"
-
-
-# Of a link, a copy or a move the machine names what is there already as well.
-def _get_refused_path(error: OSError) -> Path | str | None:
-    return error.filename2 if error.filename2 is not None and error.errno in _TARGET_ERRNOS else error.filename
+    return text if path is None else f"{text}\nFile: {os.fspath(path)}"
 
 
 def build_path_error(error: OSError, place: str, expected: str, *, path: Path | str) -> GslCosimError:
-    """Return an error for a person about a place that the call itself has named.
+    """Return the readable error for a path that the caller has named.
 
     Returns:
-        UsageError where another place is all that is needed, MachineError where the machine lacks something.
+        UsageError if another path suffices, MachineError if the machine lacks something.
     """
     text = format_machine_error(error, place, expected, path=path)
     return UsageError(text) if error.errno in _PATH_ERRNOS else MachineError(text)
 
 
 def translate(error: BaseException) -> MachineError | None:
-    """Return an error for a person where the machine has refused something that nobody has foreseen, else None."""
+    """Return the readable error for an unforeseen failure of the machine, else None."""
     if isinstance(error, MachineError):
         return error
     if isinstance(error, OSError) and _is_kernel_cache_error(error):
@@ -271,20 +270,16 @@ def translate(error: BaseException) -> MachineError | None:
     return None
 
 
-# Numba does not say which file it was; what it reads and writes are our functions.
+# Numba's errors do not name the file, so the frames of its cache identify them.
 def _is_kernel_cache_error(error: BaseException) -> bool:
     frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
     return "numba.core.caching" in frames
 
 
-# Where messages are made and refused.
-_CONTRACT = Path(__file__).resolve().parents[1] / "contract"
-
-
 def cut_contract_frames(error: BaseException) -> None:
-    """Cut the frames of the contract off an error's traceback, so that it ends at the line that made the message.
+    """Cut the frames of the contract off an error's traceback, so that it ends at the line that built the message.
 
-    Whoever wrote that line has to look at it, not at how the contract checked it.
+    The fault is in that line, not in the contract's checks.
     """
     last, frame = None, error.__traceback__
     while frame is not None:

@@ -1,4 +1,4 @@
-"""Exporters: formats of other programs that extensions write runs and environments in, found by their names."""
+"""Exporters: other programs' formats for runs and environments, registered by extensions and found by name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ Exported = Literal["run", "environment"]
 
 @dataclass(frozen=True, kw_only=True)
 class Exporter:
-    """A format in which something is written.
+    """A format for export.
 
     Attributes:
         name: The word for it on the command line, such as `parquet`.
-        of: What is written.
-        summary: The clause for it in help.
-        function: `module:function` that writes it, imported when it is used. For a run it is called with the run
-            (its data, as read back), the folder, the name, and a function that is given progress as text, and
-            returns the files.
+        of: Kind of data that it exports.
+        summary: Its clause in help.
+        function: `module:function` that writes the files, imported on use. For a run its arguments are the run (its
+            data, as read back), the folder, the name, and a function that receives progress as text; it returns the
+            files.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Exporter:
     function: str
 
     def load(self) -> Callable[..., Any]:
-        """Return the function that writes it."""
+        """Return the function that writes the files."""
         module, _, name = self.function.partition(":")
         return getattr(import_module(module), name)
 

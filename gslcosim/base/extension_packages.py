@@ -1,17 +1,17 @@
-"""Packages of installed extensions, by their import names: reading entry points would take a tenth of each start."""
+"""Packages of installed extensions, by import name: reading entry points would take a tenth of each start."""
 
 import sys
 from functools import cache
 from pathlib import Path
 
 PACKAGE_PREFIX = "gslcosim_"
-# What the core's own distribution has under such names.
+# Packages of the core's own distribution with such names.
 _CORE_PACKAGES = ("gslcosim_services", "gslcosim_agents", "gslcosim_scenarios")
 
 
 @cache
 def find_extension_packages() -> dict[str, Path]:
-    """Return the folder of each extension's package by its import name, in alphabetical order, importing none."""
+    """Return the folder of each extension's package by its import name, in alphabetical order, without imports."""
     found: dict[str, Path] = {}
     for folder in sys.path:
         try:

@@ -1,8 +1,8 @@
-"""Extensions: installed packages that add commands, checks and blocks by entry points, and the answer for absent ones.
+"""Extensions: installed packages that add commands, checks and blocks by entry points, and remedies for absent ones.
 
-The core finds extensions by the entry points of their distributions and spells the name of none. What the project's own
-extensions offer stands in `extensions.json` beside this module, which `make contract` writes from their registrations:
-it decides nothing, and is read only to say which extension has what is asked for and how it is installed.
+The core finds extensions by the entry points of their distributions and contains the name of none. `extensions.json`
+beside this module lists the offers of the project's own extensions; `make contract` writes it from their registrations.
+It decides nothing, and only serves to name the extension that a request needs and its installation.
 """
 
 import json
@@ -21,18 +21,18 @@ from gslcosim.base.errors import UsageError
 # Packages and modules whose code decides the results of runs.
 RESULT_CODE_GROUP = "gslcosim.result_code"
 COMMANDS_GROUP = "gslcosim.commands"
-# Options that an extension adds to a command of another package; the name of each point is the command, as `bench.run`.
+# Options that an extension adds to another package's command, after which each point is named, as `bench.run`.
 OPTIONS_GROUP = "gslcosim.options"
 CHECKS_GROUP = "gslcosim.checks"
 STARTS_GROUP = "gslcosim.starts"
 EXPORTERS_GROUP = "gslcosim.exporters"
 GEOMETRY_GROUP = "gslcosim.geometry"
 AGENTS_GROUP = "gslcosim.agents"
-# Readers of folders whose rows stand among runs in lists.
+# Readers of folders that are rows among runs in lists.
 RUN_ROWS_GROUP = "gslcosim.run_rows"
 
 Offered = TypeVar("Offered")
-# What a user may ask for: a word of the command line, a dotted key of a file, a kind of file, a format, a Python name.
+# Kinds of requests: a word of the command line, a dotted key of a file, a kind of file, a format, a Python name.
 What = Literal["commands", "keys", "files", "formats", "names", "modules"]
 
 
@@ -46,7 +46,7 @@ class Registration:
     distribution: str
 
     def load(self) -> Any:
-        """Import the module and return the attribute, or the module where no attribute is named."""
+        """Import the module and return the attribute, or the module if no attribute is named."""
         module, _, attributes = self.value.partition(":")
         found: Any = import_module(module.strip())
         for attribute in filter(None, attributes.strip().split(".")):
@@ -57,12 +57,13 @@ class Registration:
 def load_registered(
     group: str, expected: Callable[[object], Offered | None], what: str, *, name: str | None = None
 ) -> Iterator[Offered]:
-    """Yield what installed extensions register in a group of entry points, in the order of the points' names.
+    """Yield the objects that installed extensions register in a group of entry points, in the order of the points'
+    names.
 
     Args:
         group: The group, such as `COMMANDS_GROUP`.
-        expected: Returns what is wanted from a registered object, or None where it is something else.
-        what: The word for what is wanted, for the error.
+        expected: Returns the wanted object from a registered one, or None if it is something else.
+        what: Noun for the wanted object, in errors.
         name: The name of the points; by default all.
 
     Raises:
@@ -73,7 +74,7 @@ def load_registered(
             continue
         try:
             offered: object = point.load()
-        # A package of another project may raise anything when it is imported.
+        # Another project's package may raise anything on import.
         except Exception as error:
             raise UsageError(
                 f"{group} {point.name}: expected {point.value} to be imported, was {error!r}. "
@@ -89,32 +90,32 @@ def load_registered(
 
 
 def instance_of(kind: type[Offered]) -> Callable[[object], Offered | None]:
-    """Return what accepts an object of a class, for `load_registered`."""
+    """Return a function that accepts an instance of a class, for `load_registered`."""
     return lambda offered: offered if isinstance(offered, kind) else None
 
 
 def tuple_of(kind: type[Offered]) -> Callable[[object], tuple[Offered, ...] | None]:
-    """Return what accepts a tuple of objects of a class, for `load_registered`."""
+    """Return a function that accepts a tuple of instances of a class, for `load_registered`."""
     return lambda offered: (
         offered if isinstance(offered, tuple) and all(isinstance(each, kind) for each in offered) else None
     )
 
 
 def list_registered(group: str) -> list[Registration]:
-    """Return the entry points of a group, sorted by name, importing nothing."""
+    """Return the entry points of a group, sorted by name, without imports."""
     return [point for point in list_registrations() if point.group == group]
 
 
 def list_registrations() -> tuple[Registration, ...]:
-    """Return all entry points of gslcosim's groups, sorted by name, importing nothing.
+    """Return all entry points of gslcosim's groups, sorted by name, without imports.
 
-    Of two distributions of one name the first that has a group counts: an older checkout's `*.egg-info`, which comes
-    first in a checkout's own folder, has the groups of its time.
+    Of two distributions with one name the first that has a group counts: an outdated `*.egg-info`, which comes first in
+    a checkout's own folder, has the groups of its time.
     """
     return _read_entry_points(tuple(sys.path))
 
 
-# `importlib.metadata` takes a fifth of a start: its import, and the names of all distributions once for each group.
+# `importlib.metadata` takes a fifth of a start: its import, and reading all distributions once for each group.
 @cache
 def _read_entry_points(folders: tuple[str, ...]) -> tuple[Registration, ...]:
     found: dict[tuple[str, str], list[Registration]] = {}
@@ -150,24 +151,21 @@ def _parse_entry_points(text: str, distribution: str) -> Iterator[Registration]:
 
 @cache
 def read_known() -> dict[str, dict[str, list[str]]]:
-    """Return what each of the project's own extensions offers, whether installed or not, by extension and kind."""
+    """Return the offers of each of the project's own extensions, installed or not, by extension and kind."""
     known: dict[str, dict[str, list[str]]] = json.loads(Path(__file__).with_name("extensions.json").read_bytes())
     return known
 
 
-def _list_distributions() -> set[str]:
-    return {point.distribution for point in list_registrations()}
-
-
 def find_remedy(what: What, asked: str) -> str | None:
-    """Return the sentence that names the extension which has what was asked for, or None where none is known.
+    """Return the sentence that names the extension with the requested thing, or None if none has it.
 
     Args:
-        what: The kind of thing.
+        what: Kind of the thing.
         asked: Its name: `bench`, `agents[].start.ros2`, `suite`, `mcap`.
     """
+    installed = {point.distribution for point in list_registrations()}
     for extension, offers in read_known().items():
-        if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in _list_distributions():
+        if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in installed:
             return (
                 f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}, "
                 f"or ./extensions/{extension} in a checkout"
@@ -176,7 +174,7 @@ def find_remedy(what: What, asked: str) -> str | None:
 
 
 def find_name_remedy(name: str) -> str | None:
-    """Return the sentence that says which extension has a public name, or None where none is known."""
+    """Return the sentence that names the extension with a public name, or None if none has it."""
     for extension, offers in read_known().items():
         if name in offers.get("names", ()):
             home = f"gslcosim_{extension}"

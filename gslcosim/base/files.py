@@ -1,4 +1,4 @@
-"""Files written where others can write too, temporary folders that do not outlive their owner, and user state."""
+"""Files in folders that others can write too, temporary folders that do not outlive their owner, and user state."""
 
 import contextlib
 import errno
@@ -15,12 +15,25 @@ from typing import BinaryIO, Self
 
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, describe_os_error
 
-# Absent on systems other than Linux and macOS, where links are followed as everywhere.
+if sys.platform != "win32":
+    import fcntl
+
+# Absent on systems other than Linux and macOS, where links are followed as usual.
 _NOFOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _DIRECTORY_FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | _NOFOLLOW
-# Opening a pipe that somebody has put there must not wait for its reader.
+# Opening a pipe in place of a file must not wait for the pipe's reader.
 _NONBLOCK = getattr(os, "O_NONBLOCK", 0)
 _SUPPORTS_DIR_FD = os.open in os.supports_dir_fd
+PREFIX = "gslcosim-"
+# Locked by the owner for its lifetime; the lock ends with the process, however that ends.
+OWNER_FILE = ".owner"
+# Maximum address of a unix socket [bytes]. Below the parent: a folder, and a name of at most 12 bytes.
+SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
+_SOCKET_NAME_BYTES = len(f"/{PREFIX}check-12345678/") + 12
+_USER_DIRECTORY_VARIABLE = "XDG_RUNTIME_DIR"
+_MAX_OWNERLESS_S = 60.0
+MAX_FOLDER_LEVELS = 64
+"""Depth to which foreign folders may be nested; ours are six deep."""
 
 
 def write_all(fd: int, data: bytes | memoryview) -> None:
@@ -31,12 +44,12 @@ def write_all(fd: int, data: bytes | memoryview) -> None:
 
 
 def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int:
-    """Open a file below a folder, made where there is none, and return its descriptor.
+    """Open a file below a folder for writing, created if absent, and return its descriptor.
 
     Args:
         root: The folder.
-        name: The file's path below it, with `/`; neither it nor a folder on the way may be a link.
-        is_appended: Whether to write behind what is there, in place of it.
+        name: The file's path below it, with `/`; neither the file nor a folder on the way may be a link.
+        is_appended: True to append to the content, False to replace it.
     """
     flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if is_appended else 0)
     with _open_folder(root, name) as (folder, last):
@@ -55,11 +68,11 @@ def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int
 
 
 def open_regular_file(path: Path) -> BinaryIO:
-    """Open a file for reading; what is no file, such as a pipe or a device, is never waited for."""
+    """Open a regular file for reading; a pipe, a device or the like is refused without waiting."""
     check_regular_file(path)
     fd = os.open(path, os.O_RDONLY | _NONBLOCK | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
     try:
-        # Another one may be in its place by now.
+        # Another file may be in its place by now.
         _check_kind(os.fstat(fd).st_mode, path)
         return os.fdopen(fd, "rb")
     except BaseException:
@@ -68,7 +81,7 @@ def open_regular_file(path: Path) -> BinaryIO:
 
 
 def check_regular_file(path: Path) -> None:
-    """Check what a library opens itself by its path; see `open_regular_file`."""
+    """Refuse a path that is no regular file, for libraries that open it themselves."""
     _check_kind(path.stat().st_mode, path)
 
 
@@ -80,7 +93,7 @@ def _check_kind(mode: int, path: Path) -> None:
 
 
 def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:
-    """Return the content of a file; what is no file, such as a pipe or a device, is never waited for."""
+    """Return the content of a regular file; a pipe, a device or the like is refused without waiting."""
     with open_regular_file(path) as file:
         content = file.read(-1 if max_bytes is None else max_bytes + 1)
     if max_bytes is not None and len(content) > max_bytes:
@@ -89,7 +102,7 @@ def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:
 
 
 def append_bytes(root: Path, name: str, data: bytes) -> None:
-    """Write bytes behind what a file below a folder holds."""
+    """Append bytes to a file below a folder."""
     fd = open_for_writing(root, name, is_appended=True)
     try:
         write_all(fd, data)
@@ -98,7 +111,7 @@ def append_bytes(root: Path, name: str, data: bytes) -> None:
 
 
 def replace_file(root: Path, name: str, data: bytes) -> None:
-    """Write a file below a folder at once: a reader sees the old one or the new one, never a part."""
+    """Write a file below a folder atomically: a reader sees the old content or the new, never a part."""
     with _open_folder(root, name) as (folder, last):
         beside = str(PurePath(last).with_name(f".{PurePath(last).name}.{secrets.token_hex(4)}"))
         fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NOFOLLOW, 0o644, dir_fd=folder)
@@ -114,7 +127,7 @@ def replace_file(root: Path, name: str, data: bytes) -> None:
             raise
 
 
-# The folder as a descriptor and the file's name in it; where there are no such descriptors None and the whole path.
+# The folder as a descriptor and the file's name in it; on systems without such descriptors None and the whole path.
 @contextlib.contextmanager
 def _open_folder(root: Path, name: str) -> Iterator[tuple[int | None, str]]:
     if not _SUPPORTS_DIR_FD:
@@ -130,13 +143,9 @@ def _open_folder(root: Path, name: str) -> Iterator[tuple[int | None, str]]:
         yield folder, last
 
 
-if sys.platform != "win32":
-    import fcntl
-
-
 @contextlib.contextmanager
 def hold_lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, which is made where there is none, against other processes; waits for them."""
+    """Hold the lock of a file, created if absent, against other processes; wait for them."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         if sys.platform != "win32":
@@ -146,20 +155,10 @@ def hold_lock(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-PREFIX = "gslcosim-"
-# Locked by the owner for as long as it lives; the lock ends with its process, however that ends.
-OWNER_FILE = ".owner"
-# An address of a unix socket has room for so many bytes. Below the parent: a folder, and a name of at most 12 bytes.
-SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
-_SOCKET_NAME_BYTES = len(f"/{PREFIX}check-12345678/") + 12
-_USER_DIRECTORY_VARIABLE = "XDG_RUNTIME_DIR"
-_MAX_OWNERLESS_S = 60.0
-
-
 class ScratchFolder:
-    """A private temporary folder. `close` removes it; if its process is killed, the next one that is made does.
+    """A private temporary folder. `close` removes it; one of a killed process is removed when the next is created.
 
-    On Windows what a killed process has left stays.
+    On Windows the folders of killed processes stay.
 
     Args:
         kind: Part of its name.
@@ -177,10 +176,9 @@ class ScratchFolder:
 
     @classmethod
     def for_sockets(cls, kind: str = "") -> Self:
-        """Make one whose path leaves room for unix sockets in it.
+        """Create one whose path leaves room for unix sockets in it.
 
-        It is in the temporary directory, and where that has too long a name in the user's folder for such things, or in
-        /tmp.
+        It is in the temporary directory or, if that has too long a path, in the user's runtime directory or in /tmp.
         """
         usual = Path(tempfile.gettempdir())
         others = [Path(os.environ[_USER_DIRECTORY_VARIABLE])] if os.environ.get(_USER_DIRECTORY_VARIABLE) else []
@@ -210,13 +208,13 @@ class ScratchFolder:
 
 
 def build_temporary_directory_error(error: OSError) -> Exception:
-    """Return the error for a person where nothing can be written to the temporary directory."""
+    """Return the error for a temporary directory that cannot be written."""
     is_place_at_fault = error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
     remedy = "Free room there, or set TMPDIR to a folder that can be written." if is_place_at_fault else ""
     return build_machine_error(error, "temporary directory", "a folder that can be written", remedy=remedy)
 
 
-# It has its name only once it is locked, so that nobody finds a folder whose owner is just about to lock it.
+# The file gets its name only once it is locked, so that no process finds a folder whose owner is about to lock it.
 def _mark_as_owned(folder: Path) -> int | None:
     if sys.platform == "win32":
         return None
@@ -247,12 +245,12 @@ def _remove_if_stale(folder: Path) -> None:
     try:
         lock = os.open(folder / OWNER_FILE, os.O_RDWR | os.O_NOFOLLOW | _NONBLOCK)
     except FileNotFoundError:
-        # Its owner was killed right before it removed it, or has made it just now.
+        # Its owner was killed right before removing it, or has just created it.
         if time.time() - folder.lstat().st_mtime > _MAX_OWNERLESS_S:
             folder.rmdir()
         return
     except OSError:
-        # A program that may write there has put something else in the place of the lock.
+        # A program with access to the folder has replaced the lock.
         if time.time() - folder.lstat().st_mtime > _MAX_OWNERLESS_S:
             _remove_owner_last(folder)
         return
@@ -269,13 +267,13 @@ def _remove_owner_last(folder: Path) -> None:
 
 
 def remove_tree(path: Path, *, ignore_errors: bool = False, last: str = "") -> None:
-    """Remove a folder with all that is in it, however deep; a link is removed, and what it leads to is left.
+    """Remove a folder with all its content, however deep; links are removed, and their targets stay.
 
-    Folders without permissions are given them. What cannot be removed stays, and all else goes.
+    Folders without permissions are given them. Entries that cannot be removed stay, and all others go.
 
     Args:
         path: The folder.
-        ignore_errors: Whether something may stay.
+        ignore_errors: True if entries may stay.
         last: Name of an entry that is removed after all others, and only once they are gone.
     """
     if not _SUPPORTS_DIR_FD:
@@ -291,8 +289,8 @@ def remove_tree(path: Path, *, ignore_errors: bool = False, last: str = "") -> N
             raise
 
 
-# Subfolders are moved up into the root before they are emptied: a few descriptors and no recursion do at any depth,
-# where paths from the root would be longer than the system takes. What is moved gets a name that nothing else has.
+# Subfolders are moved up into the root before they are emptied, under unique names: at any depth this takes a few
+# descriptors and no recursion, where paths from the root would be longer than the system accepts.
 def _empty_folder(root: int, last: str) -> OSError | None:
     mark, n_moved = secrets.token_hex(8), 0
     stuck: dict[str, OSError] = {}
@@ -321,7 +319,7 @@ def _empty_folder(root: int, last: str) -> OSError | None:
     return next(iter(stuck.values()), None)
 
 
-# What cannot go keeps the folder that it is in from being removed, which is the error that is reported.
+# An entry that stays keeps its folder from being removed, which is the error that is reported.
 def _move_or_remove(name: str, folder: int, new_name: str, root: int) -> None:
     with contextlib.suppress(OSError):
         if not _is_folder(name, folder):
@@ -342,7 +340,7 @@ def _is_folder(name: str, folder: int) -> bool:
     return stat.S_ISDIR(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode)
 
 
-# Also one that its owner may not list, enter or change.
+# Also opens a folder that its owner may not list, enter or change.
 @contextlib.contextmanager
 def _open_own_folder(path: str | Path, parent: int | None) -> Iterator[int]:
     try:
@@ -350,7 +348,7 @@ def _open_own_folder(path: str | Path, parent: int | None) -> Iterator[int]:
     except PermissionError:
         place = os.open(path, _DIRECTORY_FLAGS | getattr(os, "O_PATH", 0), dir_fd=parent)
         try:
-            # By its descriptor: a name could be a link by now.
+            # By its descriptor: the name could be a link by now.
             Path(f"/proc/self/fd/{place}").chmod(stat.S_IRWXU)
         finally:
             os.close(place)
@@ -363,16 +361,12 @@ def _open_own_folder(path: str | Path, parent: int | None) -> Iterator[int]:
         os.close(fd)
 
 
-MAX_FOLDER_LEVELS = 64
-"""Depth to which folders that others have made may be nested; ours are six deep."""
-
-
 def iterate_tree(folder: Path, *, is_entered: Callable[[Path], bool] = lambda _: True) -> Iterator[Path]:
-    """Yield all that is below a folder besides the folders that are entered; no link is followed.
+    """Yield all entries below a folder except the folders that are entered; links are not followed.
 
     Args:
-        folder: A folder that others have made.
-        is_entered: Whether a folder in it is looked into; others are yielded.
+        folder: A folder that may be foreign.
+        is_entered: Returns True for a folder to descend into; others are yielded.
     """
     waiting = [(folder, 0)]
     while waiting:
@@ -399,7 +393,7 @@ def list_files(folder: Path) -> list[Path]:
 
 
 def user_state_folder() -> Path:
-    """Return the folder of this user's state; it need not exist, and no sandbox sees it.
+    """Return the folder of this user's state; it need not exist, and is outside every sandbox.
 
     `GSLCOSIM_STATE` overrides it; otherwise `$XDG_STATE_HOME/gslcosim` or `~/.local/state/gslcosim`.
     """

@@ -1,4 +1,4 @@
-"""Gases and what models need of each, with the source of every figure; one entry adds a gas."""
+"""Gases and the figures that models need of each, with their sources; one entry adds a gas."""
 
 import math
 from collections.abc import Mapping
@@ -10,12 +10,22 @@ REFERENCE_TEMPERATURE_K = 298.0
 REFERENCE_PRESSURE_PA = 101325.0
 
 PID_LAMPS_EV = (10.6, 11.7)
-"""Lamps that are sold: krypton, and argon behind a lithium fluoride window."""
+"""Lamps on the market: krypton, and argon behind a lithium fluoride window."""
+
+_GADEN = "GADEN's player, which takes some from mixtures: pure ethanol vapour is about 1.59"
+_FIGARO = "figures of Figaro's data sheets in GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp"
+_AS_METHANE = "methane's, which GADEN marks as still to review"
+# Not verified: uncertain by a quarter, and different by maker (others print 8.7 to 10 for ethanol at 10.6 eV).
+_TN_106 = "RAE Systems, Technical Note TN-106, revision of 08/2010"
+_METHANE_MOX = {
+    "tgs2600": (1.018, -0.07284), "tgs2610": (63.91, -0.5372), "tgs2611": (38.46, -0.4289),
+    "tgs2612": (146.2, -0.5916), "tgs2620": (120.6, -0.4877),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gas:
-    """Figures of a gas; NaN or absent where no model has needed one.
+    """Figures of a gas; NaN or absent where no model needs one.
 
     Attributes:
         specific_gravity: Density relative to air at equal temperature [1].
@@ -24,9 +34,9 @@ class Gas:
         diffusivity_m2_s: Molecular diffusivity in air [m2/s].
         molar_mass_kg_mol: Molar mass [kg/mol].
         ionisation_ev: Ionisation energy [eV].
-        pid: Correction factor of a photo-ionisation detector by the energy of its lamp [eV]: the true mixing ratio
-            over the reading of an instrument calibrated with isobutylene. Without a factor, the lamp does not see it.
-        mox: (A, B) of Rs/R0 = A c^B, c in ppm, by model of MOX sensor; a sensor does not respond to others.
+        pid: Correction factor of a photo-ionisation detector by the energy of its lamp [eV]: the true mixing ratio over
+            the reading of an instrument calibrated with isobutylene. Without a factor, the lamp does not detect it.
+        mox: (A, B) of Rs/R0 = A c^B, c in ppm, by model of MOX sensor; other models do not respond.
         sources: Origin of each figure, by the name of its attribute.
     """
 
@@ -40,16 +50,6 @@ class Gas:
     mox: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
 
-
-_GADEN = "GADEN's player, which takes some from mixtures: pure ethanol vapour is about 1.59"
-_FIGARO = "figures of Figaro's data sheets in GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp"
-_AS_METHANE = "methane's, which GADEN marks as still to review"
-# Not read again: uncertain by a quarter, and with makers (others print 8.7 to 10 for ethanol at 10.6 eV).
-_TN_106 = "RAE Systems, Technical Note TN-106, revision of 08/2010"
-_METHANE_MOX = {
-    "tgs2600": (1.018, -0.07284), "tgs2610": (63.91, -0.5372), "tgs2611": (38.46, -0.4289),
-    "tgs2612": (146.2, -0.5916), "tgs2620": (120.6, -0.4877),
-}  # fmt: skip
 
 # Above 11.7 eV, which no lamp reaches: hydrogen 15.43, fluorine 15.7, methane 12.61, carbon dioxide 13.77, carbon
 # monoxide 14.01, helium 24.6, neon 21.6. Smoke is no one gas.
@@ -150,7 +150,7 @@ GASES = {
 def air_density_mol_m3(
     temperature_k: float = REFERENCE_TEMPERATURE_K, pressure_pa: float = REFERENCE_PRESSURE_PA
 ) -> float:
-    """Return how many moles of gas a cubic metre of air holds.
+    """Return the amount of gas in a cubic metre of air [mol/m3].
 
     n = p / (R T)
     [mol/m3] = [Pa] / ([J/(mol K)] [K])

@@ -1,8 +1,8 @@
-"""Cache of compiled numba kernels: outside the checkout, never stale, and loaded only where signed by our process.
+"""Cache of compiled numba kernels: outside the checkout, never stale, and loaded only with a signature of ours.
 
-Numba's index and data files are pickles, which run code when they are loaded. Each has a signature behind it, whose key
-lies in gslcosim's cache, which no agent in a sandbox can read or write. A file that is not ours, that others may write
-to, or whose signature is wrong counts as absent: its kernel is compiled again.
+Numba's index and data files are pickles, which run code when they are loaded. Each ends with a signature, whose key
+lies in gslcosim's cache, which no agent in a sandbox can read or write. A file that is not ours, that others may write,
+or whose signature is wrong counts as absent: its kernel is compiled again.
 """
 
 import contextlib
@@ -24,20 +24,20 @@ from gslcosim.base.extension_packages import find_extension_packages
 
 PACKAGE_DIR = Path(__file__).resolve().parents[1]
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
-# The code whose kernels the folder of `NUMBA_VARIABLE` is for; absent where a user has chosen the folder.
+# The code whose kernels are in the folder of `NUMBA_VARIABLE`; absent for a folder that the user has chosen.
 OWNER_VARIABLE = "NUMBA_CACHE_OF_GSLCOSIM"
 # The hash of the kernels of all extensions, beside that folder.
 EXTENSIONS_VARIABLE = "GSLCOSIM_EXTENSION_KERNELS"
-# Set for agents in a sandbox, which have a cache of their own that is thrown away, and no key.
+# Set for agents in a sandbox, which have a disposable cache of their own, and no key.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 _CACHING = "numba.core.caching"
-# Versions that lay out files otherwise share none.
+# Part of the hash, so that versions with other layouts of files use other folders.
 _LAYOUT = b"signed/1"
-# What changes the code that numba makes of a kernel and is not part of its own key.
+# Variables that change the code numba compiles and are not part of numba's own key.
 _COMPILER_VARIABLES = (
     "NUMBA_OPT", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE", "NUMBA_ENABLE_AVX", "NUMBA_BOUNDSCHECK",
 )  # fmt: skip
-# What a file has in it whose text goes into compiled code.
+# Marks of files whose text goes into compiled code.
 _KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
@@ -60,14 +60,13 @@ def get_cache_root() -> Path:
 
 
 def use_kernel_cache() -> None:
-    """Point numba at a cache folder that changes whenever a kernel does, and let it load only signed files.
+    """Point numba at a cache folder that changes with every kernel, and make it load signed files only.
 
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
-    callee. A hash of all files of the core with kernels is therefore part of the folder's name,
-    and so are the settings of its compiler, an optimisation level for instance.
-    Kernels of extensions and agents lie in folders in it whose names have a hash of all extensions, so that the kernels
-    of the core stay where an extension is installed or changed.
-    Processes that this one starts inherit the folder; one that runs another copy of the code chooses its own.
+    callee. The folder's name therefore includes a hash of all files of the core with kernels, and of the compiler's
+    settings, such as the optimisation level. Kernels of extensions and agents are in subfolders whose names include a
+    hash of all extensions, so that the core's kernels stay when an extension is installed or changed. Child processes
+    inherit the folder; one that runs another copy of the code chooses its own.
     """
     owner = os.environ.get(OWNER_VARIABLE)
     if NUMBA_VARIABLE not in os.environ or owner not in (None, str(PACKAGE_DIR)):
@@ -83,7 +82,7 @@ def use_kernel_cache() -> None:
 
 
 def is_trusted(status: os.stat_result) -> bool:
-    """Return whether a file or folder belongs to who may change our code anyway, and nobody else may write to it."""
+    """Return whether only accounts that may change our code anyway own a file or folder, and may write to it."""
     if not hasattr(os, "geteuid"):
         return True
     owners = (os.geteuid(), 0, PACKAGE_DIR.stat().st_uid)
@@ -93,8 +92,8 @@ def is_trusted(status: os.stat_result) -> bool:
 def get_key_path() -> Path:
     """Return the file with the key of the signatures, in the cache that holds the kernels.
 
-    A process that inherits the folder of kernels and has another cache, as by `GSLCOSIM_CACHE`, reads them with their
-    key: with one of its own it would compile all again and sign them so that the others had to compile them again.
+    A process that inherits the folder of kernels but has another cache, as by `GSLCOSIM_CACHE`, uses the key of the
+    kernels: with a key of its own it would compile and sign all of them again, and so would the others.
     """
     if OWNER_VARIABLE in os.environ and NUMBA_VARIABLE in os.environ:
         return Path(os.environ[NUMBA_VARIABLE]).parents[1] / _KEY_FILE
@@ -117,10 +116,10 @@ def _get_core_roots() -> dict[str, Path]:
 
 
 def get_kernels_folder_name(code: Path, plain_name: str) -> str:
-    """Return the name of the folder in the cache that has the compiled kernels of the modules of a folder.
+    """Return the name of the cache folder with the compiled kernels of a folder's modules.
 
-    A folder of a package has its name, so that all installations of one version share its kernels; another one has
-    `plain_name`, by which numba calls it.
+    The folder of a package is named after it, so that all installations of one version share its kernels; any other has
+    `plain_name`, numba's own name for it.
     """
     if OWNER_VARIABLE not in os.environ:
         return plain_name
@@ -144,7 +143,7 @@ def _hash_kernels(roots: Mapping[str, Path]) -> str:
     return digest.hexdigest()
 
 
-# Twice as fast as Path.rglob, and every command waits for it.
+# Twice as fast as Path.rglob, in the start of every command.
 def _iter_modules(folder: str) -> Iterator[str]:
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -154,7 +153,7 @@ def _iter_modules(folder: str) -> Iterator[str]:
                 yield from _iter_modules(entry.path)
 
 
-# A folder that somebody else has made first, as one of a user whose home root uses, is left to them.
+# A folder that another account has created first, as when root uses the home of a user, is left to that account.
 def _choose_folder(folder: Path) -> Path:
     try:
         status = folder.lstat()
@@ -169,7 +168,7 @@ def _choose_folder(folder: Path) -> Path:
 
 
 class _CachingFinder(importlib.abc.MetaPathFinder):
-    # Numba takes a third of a second to import, which most commands do not need, so its class is replaced as it comes.
+    # Importing numba takes a third of a second, which most commands do not need, so its class is replaced on import.
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -193,7 +192,7 @@ class _CachingLoader(importlib.abc.Loader):
     def exec_module(self, module: ModuleType) -> None:
         self._loader.exec_module(module)
         _sign_files(module)
-        # When it was last used says when it may go.
+        # The time of last use decides on eviction.
         with contextlib.suppress(OSError):
             os.utime(os.environ[NUMBA_VARIABLE])
 
@@ -205,11 +204,11 @@ def _sign_files(caching: Any) -> None:
         caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
 
 
-# Numba passes over a folder that it cannot write to, also where all kernels are there to be read, and writes beside the
-# sources, or gives up.
+# Numba skips a folder that it cannot write, even if all kernels are there to be read, and writes beside the sources, or
+# gives up.
 def _locator_class(plain: type[Any]) -> type[Any]:
     class ReadableCacheLocator(plain):
-        """Numba's locator of the folder that is set for its cache, whether it can be written or not."""
+        """Numba's locator of the configured cache folder, writable or not."""
 
         @classmethod
         def get_suitable_cache_subpath(cls, py_file: str) -> str:
@@ -226,7 +225,7 @@ def _build_signed_class(plain: type[Any]) -> type[Any]:
     import pickle
 
     class SignedCacheFile(plain):
-        """Numba's index and data files with a signature behind each, which numba's own class ignores."""
+        """Numba's index and data files with a signature at the end of each, which numba's own class ignores."""
 
         is_signed = True
 
@@ -245,7 +244,7 @@ def _build_signed_class(plain: type[Any]) -> type[Any]:
         def _load_data(self, name: str) -> Any:
             body = _read_signed(self._data_path(name))
             if body is None:
-                # Numba compiles again what has gone.
+                # Numba compiles a missing entry again.
                 raise FileNotFoundError(self._data_path(name))
             return pickle.loads(body)
 
@@ -262,12 +261,7 @@ def _read_signed(path: str) -> bytes | None:
     return body if is_signed(_name_place(path), body, signature, Path(path)) else None
 
 
-# In a cache that root has filled for others, whose key they cannot read.
-def _is_of_the_system(path: str) -> bool:
-    return hasattr(os, "geteuid") and os.geteuid() != 0 and os.lstat(path).st_uid == 0
-
-
-# Without a key nobody could load it again. Where nothing can be written, the kernel is compiled again next time.
+# Without a key no process could load it again. Without write access the kernel is compiled again next time.
 def _write_signed(path: str, body: bytes) -> None:
     if (signature := sign(_name_place(path), body)) is not None:
         try:
@@ -282,10 +276,10 @@ def _name_place(path: str) -> str:
 
 
 def sign(place: str, body: bytes) -> bytes | None:
-    """Return the signature of data with the key of the cache; None where there is no key.
+    """Return the signature of data with the key of the cache; None without a key.
 
     Args:
-        place: Name of what holds them, so that nothing can be put in place of another.
+        place: Name of the file with the data, so that no signed file can replace another.
         body: The data.
     """
     if (key := _load_or_create_key(get_key_path())) is None:
@@ -296,14 +290,16 @@ def sign(place: str, body: bytes) -> bytes | None:
 
 
 def is_signed(place: str, body: bytes, signature: bytes, path: Path) -> bool:
-    """Return whether data are signed with the key of the cache; of one that root has filled, whether they are its."""
+    """Return whether data are signed with the key of the cache or, without a readable key, are in a file of root."""
     import hmac
 
-    expected = sign(place, body)
-    return _is_of_the_system(str(path)) if expected is None else hmac.compare_digest(expected, signature)
+    if (expected := sign(place, body)) is not None:
+        return hmac.compare_digest(expected, signature)
+    # Only root reads the key of a cache that root has filled for all.
+    return hasattr(os, "geteuid") and os.geteuid() != 0 and path.lstat().st_uid == 0
 
 
-# None where there is none and none can be made: then each process compiles its kernels.
+# None if there is no key and none can be created: then each process compiles its kernels.
 @cache
 def _load_or_create_key(path: Path) -> bytes | None:
     if (kept := _read_key(path)) is not None:
@@ -311,7 +307,7 @@ def _load_or_create_key(path: Path) -> bytes | None:
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_symlink() or path.exists():
-            # A key that others have written, or may know, signs nothing.
+            # A key that others have written, or may have read, signs nothing.
             _replace(str(path), os.urandom(_KEY_BYTES), 0o600)
         else:
             _link_new(path, os.urandom(_KEY_BYTES))
@@ -342,7 +338,7 @@ def _replace(path: str, data: bytes, mode: int) -> None:
         raise
 
 
-# Of several processes that begin at once one makes the key, and all read that.
+# Of several processes that start at once one creates the key, and all read that.
 def _link_new(path: Path, data: bytes) -> None:
     beside = _write_temporary(str(path), data, 0o600)
     try:

@@ -1,4 +1,4 @@
-"""Plugins that installed packages offer by entry points, imported when they are named and not before."""
+"""Plug-ins that installed packages offer by entry points, imported on their first use."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ AnyPlugin = TypeVar("AnyPlugin")
 
 
 class PluginError(ScenarioError):
-    """An installed package offers something that cannot be used; who made the package corrects it."""
+    """An installed package offers an unusable plug-in; the package's author corrects it."""
 
     def __init__(self, *, expected: str, found: str, remedy: str) -> None:
         super().__init__(f"expected {expected}, was {found}. {remedy}")
@@ -20,13 +20,13 @@ class PluginError(ScenarioError):
 
 @dataclass(frozen=True, kw_only=True)
 class EntryPoints:
-    """Plugins in the group of entry points `group`; `what` is the word for one of them in errors."""
+    """Plug-ins in the group of entry points `group`; `what` is the noun for one of them in errors."""
 
     group: str
     what: str
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all that is offered, in alphabetical order."""
+        """Return the names of all plug-ins, in alphabetical order."""
         return tuple(dict.fromkeys(point.name for point in list_registered(self.group)))
 
     def find_values(self, name: str) -> tuple[str, ...]:
@@ -46,8 +46,8 @@ class EntryPoints:
 
         Args:
             name: The name.
-            accept: Returns what is wanted from the object of the entry point, or None where it is something else.
-            expected: What the object should be, for the error: `the SensorKind 'clicks'`.
+            accept: Returns the wanted object from that of the entry point, or None if it is something else.
+            expected: The expected object, for the error: `the SensorKind 'clicks'`.
 
         Raises:
             PluginError: two packages offer the name, the package cannot be imported, or it offers something else.
@@ -58,7 +58,7 @@ class EntryPoints:
         point = next(point for point in list_registered(self.group) if point.name == name)
         try:
             offered: object = point.load()
-        # A package of somebody else may raise anything when it is imported.
+        # Another project's package may raise anything on import.
         except Exception as error:
             raise PluginError(
                 expected=f"{point.value} to be imported for the {self.what} {name!r}",

@@ -1,13 +1,15 @@
-"""Problems of what a user writes: where, what was expected and found, and the remedy."""
+"""Problems in users' files: the place, the expected and the found value, and the remedy."""
 
 from dataclasses import dataclass
 
 from pydantic_core import PydanticCustomError
 
+RULE = "scenario_rule"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong with what somebody has written.
+    """One problem in a user's file.
 
     Attributes:
         where: The place in the file, for example `agents[0].vehicle.start_m`; empty for the whole.
@@ -26,11 +28,8 @@ class Problem:
         return f"{where}expected {self.expected}, was {self.found}.{remedy}"
 
 
-RULE = "scenario_rule"
-
-
 def broken_rule_error(*, expected: str, found: str, remedy: str = "", key: str = "") -> PydanticCustomError:
-    """Return what a model's own validator raises: a rule between the fields of a block that does not hold.
+    """Return the error of a model's own validator for a broken rule between the fields of a block.
 
     `key` names the field inside the block that is to be changed; empty for the block as a whole.
     """

@@ -9,9 +9,13 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn, Self
 
+_HANGUP = getattr(signal, "SIGHUP", None)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if _HANGUP is None else (_HANGUP,)))
+_asked_to_end = threading.Event()
+
 
 def describe_exit(code: int) -> str:
-    """Return in words how a process ended."""
+    """Return a process's exit in words."""
     if code >= 0:
         return f"ended with exit code {code}"
     try:
@@ -26,24 +30,19 @@ def build_python_command(*arguments: str) -> list[str]:
 
 
 def build_parent_death_prefix() -> list[str]:
-    """Return what precedes a command so that its process ends with this one.
+    """Return the prefix of a command whose process ends with this one.
 
-    A supervisor that is killed cannot end its children; Linux can, when asked before the program starts.
+    A killed supervisor cannot end its children; Linux can, on a request before the program starts.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL"] if sys.platform == "linux" and setpriv else []
 
 
-_HANGUP = getattr(signal, "SIGHUP", None)
-SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if _HANGUP is None else (_HANGUP,)))
-_asked_to_end = threading.Event()
-
-
 def raise_on_signals() -> None:
-    """Let each signal that asks this process to end raise KeyboardInterrupt, as Ctrl-C does; forks have the usual ones.
+    """Raise KeyboardInterrupt on each signal that requests an end, as Ctrl-C does; forks have the default handlers.
 
-    A signal that the parent of this process wants ignored, as `nohup` does with SIGHUP, stays ignored. Outside
-    the main thread nothing is changed.
+    A signal that the parent of this process has set to be ignored, as `nohup` does with SIGHUP, stays ignored. Outside
+    the main thread nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
         return
@@ -55,18 +54,16 @@ def raise_on_signals() -> None:
 
 
 def is_asked_to_end() -> bool:
-    """Return whether `raise_on_signals` has raised: imports and callbacks of libraries may have turned that into
-    another error, or into nothing.
-    """
+    """Return whether `raise_on_signals` has raised; libraries may have replaced or swallowed the exception."""
     return _asked_to_end.is_set()
 
 
 class Interruption:
-    """Within this context a signal that asks to end sets a flag and calls `on_set`; a second one acts as usual.
+    """Context in which a signal that requests an end sets a flag and calls `on_set`; a second one acts as usual.
 
-    A terminal is closed once, but shells and the system tell it twice: SIGHUP is ignored once it has been seen, and
-    from the start where the parent of this process wants it ignored, as `nohup` does. Outside the main thread
-    Python cannot catch signals; then nothing is changed.
+    A closed terminal causes SIGHUP twice, from the shell and from the system: it is ignored after the first one, and
+    from the start if the parent of this process has it ignored, as `nohup` does. Outside the main thread Python cannot
+    catch signals, and nothing changes.
     """
 
     def __init__(self, on_set: Callable[[], None] = lambda: None) -> None:
@@ -113,7 +110,7 @@ def _raise(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-# A fork is ended by its parent, at once.
+# A fork ends at its parent's request, at once.
 def _use_defaults() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) is _raise:

@@ -1,7 +1,7 @@
 """Kinds of vectors, quantities of gas sensors and physical constants that all packages share."""
 
 Vec3 = tuple[float, float, float]
-"""Three numbers along x, y and z; frame and unit are in the name of what holds them."""
+"""Three numbers along x, y and z; frame and unit are part of the variable's name."""
 
 BEAM_QUANTITY = "path_integrated_mixing_ratio"
 """Quantity of gas sensors that measure along a beam; all others measure at a point."""

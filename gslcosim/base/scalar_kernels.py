@@ -1,9 +1,9 @@
-"""Scalar kernels: formulas of a model as plain functions, called as they are for one and compiled for many.
+"""Scalar kernels: a model's formulas as plain functions, called as they are for one and compiled for many.
 
 One text serves both: a service calls it for each instrument, in plain Python, and batches of searches compile it and
-call it for thousands. So a kernel holds only what gives the same bits in both: numbers, sequences that are read and
-written by an index, `math`, the built-in `abs`, `min`, `max` and `range`, other kernels, and what is below. It makes no
-lists, tuples or slices, and draws random numbers from the stream that it is handed.
+call it for thousands. So a kernel contains only what gives the same bits in both: numbers, sequences read and written
+by an index, `math`, the built-in `abs`, `min`, `max` and `range`, other kernels, and the functions below. It creates no
+lists, tuples or slices, and draws random numbers from the stream in its arguments.
 """
 
 import math
@@ -18,7 +18,7 @@ _KERNELS: list[Callable[..., Any]] = []
 def scalar_kernel(function: Kernel) -> Kernel:
     """Mark a function of a module as a scalar kernel, and return it unchanged.
 
-    The mark lets other compiled code call it, and makes kernels that were compiled before it changed count as old; see
+    The mark lets other compiled code call it, and makes kernels compiled before its last change stale; see
     `gslcosim.base.kernel_cache`.
 
     Held by:
@@ -33,7 +33,7 @@ def list_scalar_kernels() -> tuple[Callable[..., Any], ...]:
     return tuple(_KERNELS)
 
 
-# Batches have compiled twins of what follows: what compilers bring differs in last digits.
+# Batches have compiled twins of the functions below: those of compilers differ in the last digits.
 
 
 def norm2(x: float, y: float) -> float:
@@ -42,7 +42,7 @@ def norm2(x: float, y: float) -> float:
 
 
 def norm3(x: float, y: float, z: float) -> float:
-    """Return sqrt(x^2 + y^2 + z^2), rounded as `math.hypot` does, and `math.dist` of points so far apart."""
+    """Return sqrt(x^2 + y^2 + z^2), rounded as `math.hypot` and `math.dist` do."""
     return math.hypot(x, y, z)
 
 

@@ -1,7 +1,8 @@
 """Keys that extensions add to scenarios: values of blocks, and starts of agents and participants.
 
-An entry point in `gslcosim.starts` is a tuple of keys. Its module is imported with the models of scenarios, so it holds
-the keys and their blocks alone, imports nothing of `gslcosim.scenario`, and leaves what is slow to its functions.
+An entry point in `gslcosim.starts` is a tuple of keys. Its module is imported with the models of scenarios, so it
+contains the keys and their blocks alone, imports nothing of `gslcosim.scenario`, and leaves slow imports to its
+functions.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,7 +20,7 @@ AGENT_START = "agents[].start"
 PARTICIPANT = "participants[]"
 PARTICIPANT_START = "participants[].start"
 PARTICIPANT_READ = "participants[].reads[]"
-# The blocks that extensions may add keys to; the first is the whole file.
+# Blocks to which extensions may add keys; the first is the whole file.
 PLACES = ("", ENVIRONMENT, AGENT_START, PARTICIPANT, PARTICIPANT_START, PARTICIPANT_READ)
 
 
@@ -29,12 +30,12 @@ def _accept(block: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class InputPath:
-    """A place in scenarios whose texts name files or folders to read, relative to the scenario's folder.
+    """A place in scenarios whose texts name input files or folders, relative to the scenario's folder.
 
     Attributes:
         place: The place, such as `environment.geometry.files[]`.
-        expected: The words for what it names, `a file of geometry`.
-        kind: What has to be there; of a `series` of files, which have a common beginning, their folder.
+        expected: Words for the file or folder, `a file of geometry`.
+        kind: Kind of file or folder; for a `series` of files with a common beginning, their folder has to exist.
     """
 
     place: str
@@ -57,10 +58,10 @@ class ScenarioKey(Generic[Value]):
         default: Its value where it is absent.
         block: The model of its value, where that is a block.
         after: The key that it follows in lists of keys; empty: it is the last.
-        file: The words for the file that its text names, `an FMU`; empty where it names none.
-        inputs: What it names of the run's files and folders, where it stands in `environment`, `wind` or `gas`.
-        is_live: Whether it shows a run while it goes on and never changes results. Replays, suites and trainings leave
-            it out, and forks may change it.
+        file: Words for the file that its text names, `an FMU`; empty if it names none.
+        inputs: Files and folders of the run that it names, in `environment`, `wind` or `gas`.
+        is_live: Whether it shows a run in progress and never changes results. Replays, suites and trainings omit it,
+            and forks may change it.
     """
 
     place: str
@@ -81,11 +82,11 @@ class ScenarioKey(Generic[Value]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AgentStart(ScenarioKey[Value]):
-    """A key of `agents[].start` that says how an agent is started, in place of `python` or `command`.
+    """A key of `agents[].start` that determines how an agent is started, in place of `python` or `command`.
 
     Attributes:
         build_command: Returns the command line from the value and the agent's block.
-        check_start: Raises a `broken_rule_error` where the block `start` has keys that do not go with it.
+        check_start: Raises a `broken_rule_error` for incompatible keys in the block `start`.
         check_agent: The same for the agent's whole block.
         is_confinable: Whether its process can be started in a sandbox.
     """
@@ -99,15 +100,15 @@ class AgentStart(ScenarioKey[Value]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParticipantStart(ScenarioKey[Value]):
-    """A key of `participants[].start` that says how a participant is started, in place of `command`.
+    """A key of `participants[].start` that determines how a participant is started, in place of `command`.
 
     Attributes:
         build_words: Returns program and arguments from the value.
-        build_core: Returns the core that stands for the participant, from its block, the setup of the run, and the
-            types of the messages on each port.
-        check_start: Raises a `broken_rule_error` where the block `start` has keys that do not go with it.
-        check_participant: The same for the block of any participant, however it is started.
-        unpacks_files: Whether its process leaves files in the folder for temporary files when it is killed.
+        build_core: Returns the core in place of the participant, from its block, the setup of the run, and the types of
+            the messages on each port.
+        check_start: Raises a `broken_rule_error` for incompatible keys in the block `start`.
+        check_participant: The same for the block of any participant, whatever its start.
+        unpacks_files: Whether its process leaves temporary files behind when it is killed.
     """
 
     place: str = PARTICIPANT_START
@@ -161,13 +162,13 @@ def list_inputs() -> tuple[InputPath, ...]:
 
 
 def find_inputs(values: dict[str, Any]) -> Iterator[tuple[InputPath, str, str]]:
-    """Yield what a scenario's plain values name: each with its place, such as `environment.geometry.files[0]`."""
+    """Yield the inputs in a scenario's plain values, each with its place, such as `environment.geometry.files[0]`."""
     for path in list_inputs():
         yield from ((path, place, text) for place, text in _find_texts(values, path.place.split("."), ""))
 
 
 def replace_inputs(values: dict[str, Any], change: Callable[[str], str]) -> dict[str, Any]:
-    """Return a scenario's plain values, or some blocks of them, with all that `find_inputs` yields changed."""
+    """Return a scenario's plain values, or some blocks of them, with all inputs that `find_inputs` yields changed."""
     places = {path.place for path in list_inputs()}
     blocks = {place.partition(".")[0] for place in places}
 
@@ -207,12 +208,12 @@ def list_participant_starts() -> tuple[ParticipantStart[Any], ...]:
 
 
 def list_live_keys() -> tuple[ScenarioKey[Any], ...]:
-    """Return the keys of the whole file that show a run while it goes on."""
+    """Return the keys of the whole file that show a run in progress."""
     return tuple(key for key in list_scenario_keys("") if key.is_live)
 
 
 @cache
 def list_file_keys() -> frozenset[str]:
-    """Return the names of all keys whose texts, alone or in a list, are files or folders."""
+    """Return the names of all keys whose texts, alone or in a list, name files or folders."""
     names = {path.place.rpartition(".")[2].removesuffix("[]") for path in list_inputs()}
     return frozenset(names | {key.name for key in _load_all() if isinstance(key, ScenarioKey) and key.file})

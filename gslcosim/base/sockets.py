@@ -1,9 +1,9 @@
 """Unix sockets: addresses in folders with long names, and checks of the process at the other end.
 
-Whatever runs as a user can connect to that user's sockets, agents in the Landlock sandbox among it, because Landlock
-does not know unix sockets that have a path. Every sandbox of ours puts a filter of system calls on its processes, and a
-process passes its filters on to all that it starts and can never drop one. So a peer with more filters than this
-process is refused, and containers that put filters on everything are no obstacle.
+Any process of a user can connect to that user's sockets, even an agent in the Landlock sandbox, because Landlock does
+not cover unix sockets with a path. Every sandbox of ours puts a filter of system calls on its processes; all children
+of a process inherit its filters, and none can drop one. So a peer with more filters than this process is refused, and
+containers with filters on everything are no obstacle.
 """
 
 import contextlib
@@ -18,12 +18,17 @@ from pathlib import Path
 
 from gslcosim.base.errors import UsageError
 
+# struct ucred: pid, uid, gid.
+_CREDENTIALS = struct.Struct("3i")
+# Since Linux 6.5; Python has no name for it yet.
+_SO_PEERPIDFD = 77
+
 
 @contextlib.contextmanager
 def short_socket_address(path: Path) -> Iterator[str]:
-    """Give the address to bind or connect a unix socket at a path with, however long the path is.
+    """Give the address to bind or connect a unix socket at a path of any length.
 
-    An address has room for 107 bytes on Linux, where it leads here through the open folder. Elsewhere it is the path.
+    An address holds 107 bytes on Linux, where it leads here through the open folder. Elsewhere it is the path.
     """
     if sys.platform != "linux":
         yield str(path)
@@ -35,15 +40,9 @@ def short_socket_address(path: Path) -> Iterator[str]:
         os.close(folder)
 
 
-# struct ucred: pid, uid, gid.
-_CREDENTIALS = struct.Struct("3i")
-# Since Linux 6.5; Python has no name for it yet.
-_SO_PEERPIDFD = 77
-
-
 @dataclass(frozen=True)
 class _Confinement:
-    """Restrictions that a process can never shake off again, as `/proc/PID/status` shows them."""
+    """Restrictions that a process can never drop, from `/proc/PID/status`."""
 
     n_filters: int
     has_no_new_privs: bool
@@ -55,7 +54,7 @@ class _Confinement:
         fields = {name: value.strip() for name, _, value in (line.partition(":") for line in lines)}
         if fields.get("State", "Z").startswith(("Z", "X")):
             raise ProcessLookupError(f"process {pid} has ended")
-        # Before Linux 5.9 there is no count, but whether there is one.
+        # Before Linux 5.9 the status has a flag instead of the count.
         filters = fields.get("Seccomp_filters") or fields.get("Seccomp") or "0"
         return cls(
             n_filters=int(filters),
@@ -64,7 +63,7 @@ class _Confinement:
         )
 
     def excess_over(self, ours: "_Confinement") -> str:
-        """Return in words what it has more than this process has; empty where it has not."""
+        """Return in words its restrictions beyond those of this process; empty if there are none."""
         if self.n_filters > ours.n_filters:
             return f"{self.n_filters} filters of system calls (Seccomp_filters), where this one has {ours.n_filters}"
         if self.has_no_new_privs > ours.has_no_new_privs:
@@ -75,16 +74,16 @@ class _Confinement:
 
 
 def read_peer_pid(connection: socket.socket) -> int:
-    """Return the process at the other end of a unix socket, as the system says; Linux only."""
+    """Return the process at the other end of a unix socket, as reported by the system; Linux only."""
     return _read_credentials(connection)[0]
 
 
 def check_peer(connection: socket.socket, *, place: str) -> None:
-    """Refuse the process at the other end of a unix socket where it is another user's, or confined more than this one.
+    """Refuse the peer of a unix socket if it is another user's process, or more confined than this one.
 
-    It is held by a descriptor meanwhile, so that its number cannot become that of another process; where Linux does not
-    give that of a peer (before 6.5) it may have, between its call and this one. Elsewhere than on Linux, where there
-    are no sandboxes, nobody is refused.
+    A descriptor holds the peer meanwhile, so that its number cannot pass to another process; before Linux 6.5, without
+    descriptors of peers, it may have passed between the peer's call and this one. Systems other than Linux, without
+    sandboxes, refuse no peer.
     """
     if sys.platform != "linux":
         return
@@ -110,7 +109,7 @@ def _read_credentials(connection: socket.socket) -> tuple[int, int, int]:
     return _CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
 
 
-# A descriptor that can be read from as soon as the process has ended.
+# A descriptor that becomes readable when the process ends.
 @contextlib.contextmanager
 def _hold_process(connection: socket.socket, pid: int) -> Generator[int]:
     try:

@@ -1,4 +1,4 @@
-"""Start of a process: the one way in which programs of a run and workers are started."""
+"""Start of processes: the one way in which programs of a run and workers are started."""
 
 import contextlib
 import os
@@ -18,13 +18,13 @@ PASSED_ON = frozenset((
     "PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG", "LANGUAGE", "TZ", "HOME", "TMPDIR",
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS", "GOMAXPROCS", "JULIA_NUM_THREADS",
-    # Where compiled kernels are: an agent without a sandbox uses the same.
+    # Folder of compiled kernels, which an agent without a sandbox shares.
     "GSLCOSIM_CACHE", "XDG_CACHE_HOME",
-    # Without these there is no process on Windows.
+    # Without these no process starts on Windows.
     "SYSTEMROOT", "PATHEXT", "TEMP", "TMP",
 ))  # fmt: skip
 PASSED_ON_PREFIXES = ("LC_", "NUMBA_")
-# Of our own Python: how it finds its packages and writes.
+# Of our own Python: its search for packages, and its output.
 _OF_PYTHON = frozenset((
     "PYTHONPATH", "PYTHONHOME", "PYTHONNOUSERSITE", "PYTHONUSERBASE", "PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE",
     "PYTHONUTF8", "PYTHONIOENCODING", "PYTHONHASHSEED",
@@ -32,12 +32,11 @@ _OF_PYTHON = frozenset((
 
 
 def build_short_environment(command: Sequence[str], surroundings: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the variables with which a program of an agent or participant starts: nothing of the user's but what
-    every program needs.
+    """Return the initial variables of an agent's or participant's program: only those that every program needs.
 
     Args:
-        command: What starts it; gslcosim's own Python gets Python's variables too.
-        surroundings: From which variables are taken; absent: this process's own.
+        command: Its command line; gslcosim's own Python gets Python's variables too.
+        surroundings: Variables to choose from; absent: this process's own.
     """
     around = os.environ if surroundings is None else surroundings
     is_ours = bool(command) and command[0] == sys.executable
@@ -50,7 +49,7 @@ def build_short_environment(command: Sequence[str], surroundings: Mapping[str, s
 
 @dataclass(frozen=True)
 class Streams:
-    """Standard streams of a process: descriptors, or what `subprocess` names; None stands for those of this process."""
+    """Standard streams of a process: descriptors, or constants of `subprocess`; None stands for this process's own."""
 
     stdin: int | None = subprocess.DEVNULL
     stdout: int | None = subprocess.DEVNULL
@@ -58,7 +57,7 @@ class Streams:
 
     @property
     def are_pipes(self) -> bool:
-        """True when the process speaks by its standard input and output."""
+        """True if the process communicates by its standard input and output."""
         return self.stdin == subprocess.PIPE
 
 
@@ -75,13 +74,13 @@ def spawn(
     """Start a program as a process that leads its own session, so that a signal reaches it with its descendants.
 
     Args:
-        name: Of the process, in messages.
-        command: Its program and arguments.
+        name: Name of the process in messages.
+        command: Program and arguments.
         environment: All its variables; absent: those of this process.
-        cwd: The folder it starts in; absent: that of this process.
-        streams: Absent: no input, and its output is dropped.
-        inherited: Descriptors that it gets; they are closed here, whatever happens.
-        ends_with_parent: Whether Linux kills it when the thread that has called this ends.
+        cwd: Its working directory; absent: that of this process.
+        streams: Its standard streams; absent: no input, and its output is dropped.
+        inherited: Descriptors that it inherits; they are closed here in any case.
+        ends_with_parent: Whether Linux kills it when the calling thread ends.
     """
     streams = streams or Streams()
     try:
@@ -106,7 +105,7 @@ def spawn(
 
 
 def check_program(name: str, command: Sequence[str], cwd: Path | None) -> None:
-    """Refuse a command line whose program is not there."""
+    """Refuse a command line whose program does not exist or cannot be executed."""
     program = Path(cwd or ".") / command[0] if "/" in command[0] else shutil.which(command[0])
     if program is None or not os.access(program, os.X_OK) or Path(program).is_dir():
         reason = "no such program" if program is None or not Path(program).exists() else "it cannot be executed"
@@ -121,7 +120,7 @@ def signal_group(pid: int, number: int) -> None:
 
 
 def open_memory_file(data: bytes) -> int:
-    """Return the descriptor of a file in memory that only who inherits it can read."""
+    """Return the descriptor of a file in memory that only processes inheriting it can read."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("gslcosim", 0)
     else:

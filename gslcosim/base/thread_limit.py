@@ -1,4 +1,4 @@
-"""Limit on processes and threads, looked at before libraries run into it."""
+"""Limit on processes and threads, checked before libraries exceed it."""
 
 import contextlib
 import os
@@ -10,20 +10,20 @@ from pathlib import Path
 
 from gslcosim.base.errors import build_process_error
 
-# A session of Zenoh has as many at the most.
+# Maximum number of threads of a Zenoh session.
 _N_SESSION_THREADS = 16
-# Far above what runs take; a limit like this is not met by chance.
+# Far above the need of runs, so that no check is worth its time.
 _HIGH_LIMIT = 4096
-# Who has not had its turn by then opens its session beside the others.
+# A process without its turn by then opens its session beside the others.
 _MAX_TURN_S = 5.0
 _TURN_POLL_PERIOD_S = 0.01
 
 
 def check_thread_limit() -> None:
-    """Refuse a limit that libraries would run into, each with words of its own, by starting their number of threads.
+    """Refuse a limit that libraries would exceed, with obscure errors of their own, by starting as many threads.
 
-    OpenBLAS, which starts a thread a processor, raises SIGINT where it cannot, as if somebody had pressed Ctrl-C, and
-    Zenoh panics.
+    OpenBLAS, which starts a thread per processor, raises SIGINT where it cannot, as if Ctrl-C were pressed, and Zenoh
+    panics.
     """
     gate = threading.Event()
     threads = [
@@ -44,12 +44,12 @@ def check_thread_limit() -> None:
 
 @contextlib.contextmanager
 def reserve_session_threads() -> Generator[bool]:
-    """Refuse a limit that a session of Zenoh would run into, and let one be opened within the block.
+    """Refuse a limit that a session of Zenoh would exceed, and reserve its threads within the block.
 
-    Yields whether the limit is low: then a session must start all its threads within the block.
+    Yields True for a low limit: then a session must start all its threads within the block.
 
-    Where the user's limit is low, processes open theirs one after another: otherwise several would see the same
-    threads free. Where it is high this costs nothing.
+    Under a low limit processes open their sessions one after another: otherwise several would count the same free
+    threads. Under a high one this costs nothing.
     """
     if sys.platform == "win32":
         yield False
@@ -61,7 +61,7 @@ def reserve_session_threads() -> Generator[bool]:
     if limit == resource.RLIM_INFINITY or limit >= _HIGH_LIMIT:
         yield False
         return
-    # The one file that all processes of a run can read, whoever they are. An agent among them may hold it for ever.
+    # The one file that all processes of a run can read, under any account. An agent among them may hold it for ever.
     with Path(__file__).open("rb") as common:
         deadline_s = time.monotonic() + _MAX_TURN_S
         while time.monotonic() < deadline_s:

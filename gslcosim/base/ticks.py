@@ -18,7 +18,7 @@ def ticks_from_seconds(duration_s: float, tick_ns: int) -> int:
 
 
 def exact_ticks_from_seconds(duration_s: float, tick_ns: int, *, name: str) -> int:
-    """Return the number of ticks in a duration, and refuse one that is not a whole, positive number of them."""
+    """Return the number of ticks in a duration; refuse one that is not a whole, positive number of them."""
     n_ticks = ticks_from_seconds(duration_s, tick_ns)
     if n_ticks < 1 or abs(n_ticks * tick_ns - duration_s * NS_PER_S) > 0.5:
         below = max(1, int(duration_s * NS_PER_S // tick_ns))

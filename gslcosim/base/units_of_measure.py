@@ -1,9 +1,23 @@
-"""Units of measure: those at the ends of names, such as `_m_s`, and those that people write behind numbers."""
+"""Units of measure: those at the ends of names, such as `_m_s`, and those that users write behind numbers."""
 
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+# Units that users write behind numbers: the ending for each, and the factor to the unit of that ending.
+_WRITTEN_UNITS = {
+    "m": ("_m", 1.0), "cm": ("_m", 0.01), "mm": ("_m", 0.001), "km": ("_m", 1000.0),
+    "metre": ("_m", 1.0), "metres": ("_m", 1.0), "meter": ("_m", 1.0), "meters": ("_m", 1.0),
+    "s": ("_s", 1.0), "sec": ("_s", 1.0), "second": ("_s", 1.0), "seconds": ("_s", 1.0),
+    "ms": ("_s", 0.001), "min": ("_s", 60.0), "minute": ("_s", 60.0), "minutes": ("_s", 60.0), "h": ("_s", 3600.0),
+    "m/s": ("_m_s", 1.0), "cm/s": ("_m_s", 0.01), "km/h": ("_m_s", 1 / 3.6),
+    "m/s2": ("_m_s2", 1.0), "m/s^2": ("_m_s2", 1.0), "m2/s": ("_m2_s", 1.0), "m^2/s": ("_m2_s", 1.0),
+    "rad": ("_rad", 1.0), "°": ("_rad", math.pi / 180), "deg": ("_rad", math.pi / 180),
+    "degrees": ("_rad", math.pi / 180),
+    "ppm": ("_ppm", 1.0), "ppb": ("_ppm", 0.001), "1/s": ("_per_s", 1.0), "/s": ("_per_s", 1.0), "hz": ("_per_s", 1.0),
+}  # fmt: skip
+_NUMBER_WITH_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d][^\s]*)?\s*$")
 
 
 @dataclass(frozen=True)
@@ -16,7 +30,7 @@ class Unit:
     factor: float = 1.0
 
 
-# A number of things, or a share of one, has no words: "expected a number" says enough.
+# A number of things, or a fraction of one, has no words: "expected a number" is enough.
 UNITS = {
     "_per_s": Unit("per second", ("1/s", "s-1"), {"s": -1}),
     "_m_s2": Unit("metres per second squared", ("m/s2", "m/s^2", "m.s-2", "m/(s.s)"), {"m": 1, "s": -2}),
@@ -48,54 +62,38 @@ UNITS = {
     "_a": Unit("amperes", ("A",), {"A": 1}),
 }
 UNIT_SUFFIXES = tuple(sorted(UNITS, key=len, reverse=True))
-"""Ends of names that say a unit, longer ones first."""
+"""Ends of names that denote a unit, longer ones first."""
 
 
 def unit_suffix(key: str) -> str:
-    """Return the end of a name that says its unit, such as `_m_s`; empty where none does."""
+    """Return the end of a name that denotes its unit, such as `_m_s`; empty if there is none."""
     # A letter alone, such as `a`, is a name and no unit.
     whole = f"_{key}" if len(key) > 1 else key
     return next((suffix for suffix in UNIT_SUFFIXES if whole.endswith(suffix)), "")
 
 
 def unit_name(key: str) -> str:
-    """Return what a number under a name counts, such as `metres per second`; empty where the name does not say it."""
+    """Return the unit of a number in words from its name, such as `metres per second`; empty if the name has none."""
     suffix = unit_suffix(key)
     return UNITS[suffix].words if suffix else ""
 
 
-# What people write behind numbers: the ending it belongs to, and the factor to that ending's unit.
-_WRITTEN_UNITS = {
-    "m": ("_m", 1.0), "cm": ("_m", 0.01), "mm": ("_m", 0.001), "km": ("_m", 1000.0),
-    "metre": ("_m", 1.0), "metres": ("_m", 1.0), "meter": ("_m", 1.0), "meters": ("_m", 1.0),
-    "s": ("_s", 1.0), "sec": ("_s", 1.0), "second": ("_s", 1.0), "seconds": ("_s", 1.0),
-    "ms": ("_s", 0.001), "min": ("_s", 60.0), "minute": ("_s", 60.0), "minutes": ("_s", 60.0), "h": ("_s", 3600.0),
-    "m/s": ("_m_s", 1.0), "cm/s": ("_m_s", 0.01), "km/h": ("_m_s", 1 / 3.6),
-    "m/s2": ("_m_s2", 1.0), "m/s^2": ("_m_s2", 1.0), "m2/s": ("_m2_s", 1.0), "m^2/s": ("_m2_s", 1.0),
-    "rad": ("_rad", 1.0), "°": ("_rad", math.pi / 180), "deg": ("_rad", math.pi / 180),
-    "degrees": ("_rad", math.pi / 180),
-    "ppm": ("_ppm", 1.0), "ppb": ("_ppm", 0.001), "1/s": ("_per_s", 1.0), "/s": ("_per_s", 1.0), "hz": ("_per_s", 1.0),
-}  # fmt: skip
-
-_NUMBER_WITH_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d][^\s]*)?\s*$")
-
-
 @dataclass(frozen=True, kw_only=True)
 class WrittenQuantity:
-    """A number that somebody wrote as text, with the unit behind it as written (empty: none)."""
+    """A number written as text, with the unit behind it as written (empty: none)."""
 
     number: float
     unit: str
 
 
 def read_quantity(text: str) -> WrittenQuantity | None:
-    """Return the number and unit in a text such as `2 m`, or nothing when it is not a number."""
+    """Return the number and unit in a text such as `2 m`, or None if it is not a number."""
     match = _NUMBER_WITH_UNIT.match(text)
     return match and WrittenQuantity(number=float(match[1]), unit=match[2] or "")
 
 
 def number_in_unit_of(key: str, quantity: WrittenQuantity) -> float | None:
-    """Return the number to write under a key for a written quantity, or nothing when the unit is of another kind."""
+    """Return the number to write under a key for a written quantity, or None if its unit is of another kind."""
     if not quantity.unit:
         return quantity.number
     ending, factor = _WRITTEN_UNITS.get(quantity.unit.lower(), ("", 1.0))

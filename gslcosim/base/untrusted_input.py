@@ -1,8 +1,8 @@
-"""Readers for JSON and arrays that others have written, bounded in size, and escaping of foreign text for terminals.
+"""Readers for foreign JSON and arrays, bounded in size, and escaping of foreign text for terminals.
 
-Whatever a file of JSON or of rows holds, its reader gets values of the types it asked for, or one error that names the
-file, the place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose
-further keys are passed over, `list[float]`, `str | None`.
+Whatever a file of JSON or of rows contains, its reader gets values of the requested types, or one error that names the
+file, the place in it and the expected value. Types are those of `typing`: a `TypedDict` for an object, whose further
+keys are ignored, `list[float]`, `str | None`.
 """
 
 import contextlib
@@ -23,29 +23,39 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 JsonObject = dict[str, Any]
-"""The type of an object of which no more is asked."""
+"""The type of an object without further requirements."""
 
 MAX_LEVELS = 64
 """Depth to which lists and objects may be nested; ours are six deep."""
 
 MAX_BYTES = 64_000_000
-"""Size of a file, or of a line of one, where its reader names no other limit."""
+"""Default limit on the size of a file, or of a line of one."""
 
 FROM_A_COPY = "Take the file from a copy."
 _MAX_SHOWN, _MAX_REPORTED = 60, 20
 _STRING = re.compile(rb'"(?:[^"\\]|\\.)*"?', re.DOTALL)
 _BRACKET = re.compile(rb"[\[\]{}]")
-# More digits than 64 bits have: no number of ours, and Python takes its time to read thousands of them.
+# More digits than 64 bits have: no such number is ours, and Python is slow at thousands of digits.
 _LONG_NUMBER = re.compile(rb"(?<![\d.eE+-])-?\d{21,}(?![\d.eE])")
 _REPORTED_PLACE = re.compile(r"^(?P<what>.*?)(?: - at `(?:key in )?\$(?P<place>.*)`)?$", re.DOTALL)
 _KINDS = {
     "str": "a text", "int": "a whole number", "float": "a number", "bool": "true or false", "object": "a block",
     "array": "a list", "null": "nothing",
 }  # fmt: skip
+MAX_UNPACKED_BYTES = 1 << 30
+"""Default limit on the size of all arrays of a file."""
+
+# Control characters (C0 without tab and line feed, delete, C1), characters that reorder or break lines, and lone
+# surrogates, which stand for bytes of file names that are not UTF-8 and which no stream accepts.
+_UNSAFE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
+)
+_UNSAFE_IN_PAGE = re.compile(f"{_UNSAFE.pattern}|[&<>]")
+_LINE_BREAK = re.compile("[\n\t]")
 
 
 class MalformedFileError(UsageError):
-    """A file that others have written is not what it should be; the user brings it back, or leaves it out."""
+    """A foreign file is malformed; the user restores it, or leaves it out."""
 
 
 def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> T:
@@ -55,7 +65,7 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
 
 
 def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
-    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none."""
+    """Yield the values of a file of JSON lines; a last line without a line feed is ignored."""
     place = _name_file(path)
     with _reporting_file(path, remedy), open_regular_file(path) as file:
         for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
@@ -83,10 +93,6 @@ def _reporting_file(path: Path, remedy: str) -> Iterator[None]:
         raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
 
 
-MAX_UNPACKED_BYTES = 1 << 30
-"""Size of all arrays of a file, where its reader names no other limit."""
-
-
 def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, NDArray[Any]]":
     """Return the arrays of a `.npz` file by their names."""
     import numpy as np
@@ -104,7 +110,7 @@ def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, N
                         raise ValueError(f"{member.filename}: expected one array, was more")
                 arrays[member.filename.removesuffix(".npy")] = array
             return arrays
-    # A faulty one raises what zipfile, zlib or the parser of heads do, whatever that is; a head may promise any size.
+    # A malformed file raises any error of zipfile, zlib or the header's parser; a header may claim any size.
     except (OSError, ValueError):
         raise
     except Exception as error:
@@ -128,8 +134,8 @@ def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
 
 
 def validate_value(value: object, kind: type[T], *, place: str) -> T:
-    """Return plain values that JSON can carry as they are, where they are of a type."""
-    # Commands that list runs do without it, and begin sooner.
+    """Return a plain value of JSON as it is, if it has the requested type."""
+    # Commands that list runs avoid this import, and start sooner.
     if kind == JsonObject:
         if isinstance(value, dict):
             return cast("T", value)
@@ -141,13 +147,13 @@ def validate_value(value: object, kind: type[T], *, place: str) -> T:
     except (msgspec.ValidationError, OverflowError) as error:
         raise MalformedFileError(_describe_problem(str(error), place)) from error
     except UnicodeEncodeError as error:
-        # JSON can escape half a surrogate pair, which is a character of no text.
+        # JSON can escape half a surrogate pair, which no text can contain.
         raise MalformedFileError(f"{place}: expected text, was half of a surrogate pair in it.") from error
     return cast("T", value)
 
 
 def describe_validation_errors(error: "ValidationError") -> list[str]:
-    """Return the problems that pydantic has found, a line each: `boxes[0].rgba: expected a valid list, was 'x'`."""
+    """Return the problems found by pydantic, one per line: `boxes[0].rgba: expected a valid list, was 'x'`."""
     return [_described(each) for each in error.errors(include_url=False, include_context=False)[:_MAX_REPORTED]]
 
 
@@ -160,7 +166,7 @@ def _described(problem: "ErrorDetails") -> str:
     return f"{place}: expected {wanted}, was {found if len(found) <= _MAX_SHOWN else f'{found[:_MAX_SHOWN]}...'}"
 
 
-# Before anything is built: neither Python's reader nor what writes the values again has to go that deep.
+# Checked before anything is built, so that neither Python's reader nor a later writer recurses that deep.
 def _check_levels(raw: bytes, place: str) -> None:
     n_levels = 0
     plain = _STRING.sub(b"", raw)
@@ -172,7 +178,7 @@ def _check_levels(raw: bytes, place: str) -> None:
         raise MalformedFileError(f"{place}: expected numbers of at most 20 digits, was a longer one.")
 
 
-# "Expected `str`, got `int` - at `$.agents[0].name`" as place, expected and found.
+# Turns msgspec's "Expected `str`, got `int` - at `$.agents[0].name`" into place, expected and found.
 def _describe_problem(text: str, place: str) -> str:
     match = cast("re.Match[str]", _REPORTED_PLACE.match(text))
     inner = (match["place"] or "").removeprefix(".")
@@ -193,32 +199,23 @@ def _kind_of(value: object) -> str:
     return _KINDS[next((name for kind, name in kinds if isinstance(value, kind)), "null")]
 
 
-# Control characters (C0 without tab and line feed, delete, C1), what reorders or breaks lines, and lone surrogates,
-# which are bytes of file names that are no UTF-8 and which no stream takes.
-_UNSAFE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
-)
-_UNSAFE_IN_PAGE = re.compile(f"{_UNSAFE.pattern}|[&<>]")
-_LINE_BREAK = re.compile("[\n\t]")
-
-
 def escape_terminal_text(text: str, *, is_one_line: bool = False) -> str:
-    r"""Return text with each character that a terminal would obey in place of showing it as `\x1b` or `\u202e`.
+    r"""Return text with each character that a terminal would interpret escaped as `\x1b` or `\u202e`.
 
     Args:
         text: Any text.
-        is_one_line: Whether line feeds and tabs are escaped too, as for a cell of a table.
+        is_one_line: Whether to escape line feeds and tabs too, as for a cell of a table.
     """
     escaped = _UNSAFE.sub(_escape_character, text.replace("\r\n", "\n"))
     return _LINE_BREAK.sub(_escape_character, escaped) if is_one_line else escaped
 
 
 def escape_json_text(text: str, *, is_embedded: bool = False) -> str:
-    r"""Return JSON with the same characters as JSON's own escapes (`\u001b`): it stays the same content.
+    r"""Return JSON with the same characters in JSON's own escapes (`\u001b`): its content is unchanged.
 
     Args:
         text: JSON.
-        is_embedded: Whether `&`, `<` and `>` are escaped too, so that a script element of a page can hold it.
+        is_embedded: Whether to escape `&`, `<` and `>` too, so that a script element of a page can hold it.
     """
     unsafe = _UNSAFE_IN_PAGE if is_embedded else _UNSAFE
     return unsafe.sub(lambda found: f"\\u{ord(found[0]):04x}", text)

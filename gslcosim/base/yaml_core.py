@@ -1,4 +1,4 @@
-"""YAML 1.2's core schema for PyYAML, which knows 1.1: `yes`, `on` and `12:30` are text, `1e-3` is a number."""
+"""YAML 1.2's core schema for PyYAML, which implements 1.1: `yes`, `on` and `12:30` are text, `1e-3` is a number."""
 
 import re
 from typing import Any, cast
@@ -10,14 +10,14 @@ MAX_NESTING = 64
 """Depth to which lists and blocks may be nested in any file; ours are seven deep."""
 
 MAX_NODES = 200_000
-"""Number of values and keys that a file may have."""
+"""Maximum number of values and keys in a file."""
 
 MAX_DIGITS = 1000
-"""Number of characters that a number may have; Python's own limit knows decimal ones only."""
+"""Maximum number of characters in a number; Python's own limit covers decimal ones only."""
 
 
 EDITOR_HEADER = "# yaml-language-server: "
-"""Beginning of the first line of a file that names its JSON Schema, for editors."""
+"""Beginning of a file's first line that names its JSON Schema, for editors."""
 
 
 _FIRST_COMMENTS = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s*#.*\n?)*")
@@ -25,7 +25,7 @@ _EDITOR_LINE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*#[ \t]*yaml-language-server
 
 
 def without_editor_header(content: bytes) -> bytes:
-    """Return a file's content without a first line for editors, which is no part of what hashes identify."""
+    """Return a file's content without the line for editors at its beginning, which hashes leave out."""
     head = content[: cast("re.Match[bytes]", _FIRST_COMMENTS.match(content)).end()]
     return _EDITOR_LINE.sub(b"", head) + content[len(head) :]
 
@@ -39,13 +39,13 @@ class YamlSizeError(yaml.MarkedYAMLError):
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """Reads YAML 1.1 as PyYAML does, and refuses texts that nobody has written."""
+    """Reads YAML 1.1 as PyYAML does, and refuses texts of an implausible depth or size."""
 
     _n_levels = 0
     _n_nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Return the next node, as PyYAML does, which would go on to Python's limit of recursion."""
+        """Return the next node as PyYAML does, but before Python's limit of recursion is reached."""
         self._n_levels += 1
         self._n_nodes += 1
         mark = cast("Any", self).peek_event().start_mark
@@ -79,7 +79,7 @@ _resolve(
 
 
 def parse_whole_number(text: str) -> int | str:
-    """Return the number that a scalar tagged `int` is; the text itself where it is none, or has thousands of digits."""
+    """Return the number of a scalar tagged `int`; the text itself if it is no number, or has thousands of digits."""
     base = {"0o": 8, "0x": 16}.get(text[:2].lower(), 10)
     try:
         return int(text, base) if len(text) <= MAX_DIGITS else text
@@ -88,7 +88,7 @@ def parse_whole_number(text: str) -> int | str:
 
 
 def parse_real_number(text: str) -> float | str:
-    """Return the number that a scalar tagged `float` is; the text itself where it is none."""
+    """Return the number of a scalar tagged `float`; the text itself if it is no number."""
     try:
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     except ValueError:  # `!!float x`
@@ -103,6 +103,6 @@ def _construct_float(loader: CoreLoader, node: yaml.ScalarNode) -> float | str:
     return parse_real_number(str(cast("Any", loader).construct_scalar(node)))
 
 
-# PyYAML's own know YAML 1.1 only, and end `08` and numbers of thousands of digits with a ValueError.
+# PyYAML's own constructors cover YAML 1.1 only, and fail at `08` and numbers of thousands of digits.
 cast("Any", CoreLoader).add_constructor(TAG + "int", _construct_int)
 cast("Any", CoreLoader).add_constructor(TAG + "float", _construct_float)

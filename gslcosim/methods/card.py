@@ -23,8 +23,8 @@ RANGE_QUANTITY = "range"
 CAMERA_QUANTITY = "picture"
 
 
-# For each kind the quantities of its sensors, and an example that a person may add to a scenario. Methods map a reading
-# to the place of the sensor, so that a beam is no gas for them.
+# For each kind the quantities of its sensors, and an example for a scenario. Methods map a reading to the place of the
+# sensor, so that a beam is no gas for them.
 INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
     "gas": (POINT_GAS_QUANTITIES, "{model: tgs2600, name: nose}"),
     "gas_ohm": (("resistance",), "{model: tgs2600, name: nose}"),
@@ -33,21 +33,27 @@ INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
     "range": ((RANGE_QUANTITY,), "{model: four_range_finders, name: ranges}"),
     "camera": ((CAMERA_QUANTITY,), "{model: camera, name: eye}"),
 }
-
-
-def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
-    """Return how many sensors are of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
-    return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
-
-
 CARD_FILE = "method.yaml"
-# Parameters that several methods have, a file each; a card takes them over by `includes`.
+# Parameters of several methods, one file each; a card adopts them by `includes`.
 SHARED_PARAMETERS = Path(__file__).with_name("parameters")
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
 Family = Literal["anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision"]
 Knowledge = Literal["map", "plume", "source"]
 ParameterType = Literal["float", "int", "bool", "text", "floats", "file"]
 Count = Annotated[int, Field(ge=1, le=100)]
+_TYPE_WORDS: dict[ParameterType, str] = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "text": "a word",
+    "floats": "a list of numbers",
+    "file": "a name or a path",
+}
+
+
+def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
+    """Return the number of sensors of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
+    return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
 
 
 class _CardPart(BaseModel):
@@ -55,11 +61,11 @@ class _CardPart(BaseModel):
 
 
 class Parameter(_CardPart):
-    """One setting of a method: default, allowed values, unit, where the number comes from, and its effect.
+    """One setting of a method: default, allowed values, unit, origin of the number, and its effect.
 
-    `type` follows from the default; it is given where the default is null. `min` and `max` bound numbers, and each
-    number of a list. `choices` are all allowed values. A `file` is a name that the method knows, or the path of a
-    file, which has an ending and is looked for before a run.
+    `type` follows from the default; it is given if the default is null. `min` and `max` bound numbers, and each number
+    of a list. `choices` are all allowed values. A `file` is a name in the method's own list, or the path of a file,
+    which has an ending and has to exist before a run.
     """
 
     default: bool | int | float | str | tuple[float, ...] | None
@@ -90,7 +96,7 @@ class Parameter(_CardPart):
         return kinds.get(type(self.default), "floats")
 
     def problem_of(self, value: object) -> str | None:
-        """Return what is expected instead of a value, or None where it is allowed."""
+        """Return the expected value in place of one that is not allowed, else None."""
         if value is None:
             return None if self.default is None else f"{_TYPE_WORDS[self.kind]}"
         if not _is_of_type(value, self.kind):
@@ -107,7 +113,7 @@ class Parameter(_CardPart):
         return None
 
     def parsed(self, value: Any) -> Any:
-        """Return an allowed value as the method gets it: whole numbers become reals where it wants reals."""
+        """Return an allowed value in the method's type: whole numbers become reals where reals are expected."""
         if value is None:
             return None
         if self.kind == "float":
@@ -117,16 +123,6 @@ class Parameter(_CardPart):
     @property
     def _shown_unit(self) -> str:
         return "" if self.unit == "1" else self.unit
-
-
-_TYPE_WORDS: dict[ParameterType, str] = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "text": "a word",
-    "floats": "a list of numbers",
-    "file": "a name or a path",
-}
 
 
 def _is_of_type(value: object, kind: ParameterType) -> bool:
@@ -143,13 +139,13 @@ def _is_of_type(value: object, kind: ParameterType) -> bool:
 
 
 class Needs(_CardPart):
-    """The least that a method needs: sensors by kind with their number, granted knowledge, and a radio channel."""
+    """Minimum needs of a method: sensors by kind with their number, granted knowledge, and a radio channel."""
 
     sensors: dict[str, Count] = Field(default_factory=dict[str, Count])
     knows: tuple[Knowledge, ...] = ()
     radio: bool = False
 
-    # A list of kinds means one of each.
+    # A list of kinds stands for one of each.
     @field_validator("sensors", mode="before", json_schema_input_type=list[str] | dict[str, Count])
     @classmethod
     def _from_list(cls, value: Any) -> Any:
@@ -165,12 +161,12 @@ class Needs(_CardPart):
 
 
 class MethodCard(_CardPart):
-    """A search method: what it is, what it needs, and what it can be set to.
+    """A search method: its description, its needs, and its settings.
 
-    `robots` is how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a
-    decision may take at the 95th percentile. `files` names the files and folders beside the card that a sandbox shows
-    the program, apart from its code. In a file, `includes` names files of `SHARED_PARAMETERS`
-    whose parameters the method has as well.
+    `robots` is the number of robots that run it together: one number, or minimum and maximum. `decision_limit_ms` is
+    the limit of a decision's time at the 95th percentile. `files` names the files and folders beside the card that a
+    sandbox shows the program, apart from its code. In a file, `includes` names files of `SHARED_PARAMETERS` whose
+    parameters the method has as well.
     """
 
     schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
@@ -191,12 +187,12 @@ class MethodCard(_CardPart):
 
     @property
     def is_blind(self) -> bool:
-        """True if the card says that the method uses no sensor, no knowledge and no radio."""
+        """True if the card declares that the method uses no sensor, no knowledge and no radio."""
         is_said = "needs" in self.model_fields_set and "sensors" in self.needs.model_fields_set
         return is_said and not (self.needs.sensors or self.needs.knows or self.needs.radio)
 
     def defaults(self) -> dict[str, Any]:
-        """Return the value of each parameter that the scenario leaves out."""
+        """Return the default of each parameter."""
         return {name: parameter.parsed(parameter.default) for name, parameter in self.parameters.items()}
 
     def settings(self, given: dict[str, ParameterValue]) -> "MappingProxyType[str, Any]":
@@ -206,7 +202,7 @@ class MethodCard(_CardPart):
 
 
 def find_card_beside(program: Path) -> MethodCard | None:
-    """Return the card in the folder of an agent's program, or None where there is none."""
+    """Return the card in the folder of an agent's program, or None if there is none."""
     path = program.parent / CARD_FILE
     return load_card(path) if path.is_file() else None
 
@@ -220,7 +216,7 @@ def load_card(path: Path) -> MethodCard:
     return _loaded(path.resolve(), stat.st_mtime_ns, stat.st_size)
 
 
-# Read once in a process as long as the file stays as it is: a suite flies the same methods thousands of times.
+# Read once per process as long as the file is unchanged: a suite runs the same methods thousands of times.
 @lru_cache(maxsize=256)
 def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
     del changed_ns, n_bytes
@@ -262,7 +258,7 @@ def _with_included(fields: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 def list_shared_parameters() -> list[str]:
-    """Return the names of what a card may include."""
+    """Return the names that a card may include."""
     return sorted(file.stem for file in SHARED_PARAMETERS.glob("*.yaml"))
 
 
@@ -279,21 +275,34 @@ def find_unmet_needs(
     n_channels: int,
     parameters: Mapping[str, Any],
 ) -> list[Problem]:
-    """Return all that keeps a method from flying.
+    """Return all reasons for which a method cannot run.
 
     Args:
-        sensors: The instruments of the vehicle, as described in a briefing.
-        knows: What is granted: `map`, `plume`, `source`.
-        n_channels: The radio channels on which the agent is.
-        parameters: The scenario's settings for it.
+        sensors: Instruments of the vehicle, as described in a briefing.
+        knows: Granted knowledge: `map`, `plume`, `source`.
+        n_channels: Number of the agent's radio channels.
+        parameters: The scenario's settings for the method.
     """
-    sensors = tuple(sensors)
-    return [
-        *_missing_sensors(card, sensors),
-        *_missing_grants(card, knows),
-        *_missing_radio(card, n_channels),
-        *_wrong_parameters(card, parameters),
+    problems = [*_missing_sensors(card, tuple(sensors))]
+    problems += [
+        Problem(
+            where="knows",
+            expected=f"{item}: true for {card.title}",
+            found="not granted",
+            remedy=f"Add knows: {{{item}: true}} to the agent.",
+        )
+        for item in card.needs.knows
+        if item not in knows
     ]
+    if card.needs.radio and not n_channels:
+        radio = Problem(
+            where="name",
+            expected=f"an agent on a radio channel for {card.title}",
+            found="one without",
+            remedy="Add for example channels: [{name: radio}] to the scenario.",
+        )
+        problems.append(radio)
+    return [*problems, *_wrong_parameters(card, parameters)]
 
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
@@ -301,7 +310,7 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
-            # A sensor's estimates are described beside it.
+            # Estimates have descriptions of their own, beside the sensor's.
             models = [sensor.model for sensor in sensors if not sensor.quantity.startswith("estimated_")]
             along = f" It measures at a point; {beams[0]} measures along a beam." if beams and "gas" in kind else ""
             yield Problem(
@@ -310,27 +319,6 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
                 found=f"{n_found} ({', '.join(models) or 'no sensors'})",
                 remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.{along}",
             )
-
-
-def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Problem]:
-    for item in card.needs.knows:
-        if item not in knows:
-            yield Problem(
-                where="knows",
-                expected=f"{item}: true for {card.title}",
-                found="not granted",
-                remedy=f"Add knows: {{{item}: true}} to the agent.",
-            )
-
-
-def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Problem]:
-    if card.needs.radio and not n_channels:
-        yield Problem(
-            where="name",
-            expected=f"an agent on a radio channel for {card.title}",
-            found="one without",
-            remedy="Add for example channels: [{name: radio}] to the scenario.",
-        )
 
 
 def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[Problem]:

@@ -31,17 +31,32 @@ from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
 
+MAX_RUNS = 8
+# Of these the first run's are shown for all: they are the same unless gas or wind differ.
+_SHARED_ENTITIES = tuple(
+    stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
+)
+_LOGS = tuple(log.entity for log in streams.LOGS)
+# The next part of the path is an agent's name.
+_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
+# Static entities that are copied, not drawn again.
+_COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
+# Plots with a line at the tick at which runs diverge.
+_MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
+_DIVERGENCE_ENTITY = "they_part"
+_DIVERGENCE_COLOR = colors.CONTACT
+
 
 def record_from_tick(
     recording: Path, scenario: Scenario, environment: Environment, path: Path, *, tick: int, is_still: bool
 ) -> None:
     """Write a copy of a recording that opens at a tick.
 
-    The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
+    The viewer's cursor can only be set by playing a selection, or by following the end.
 
     Args:
-        tick: Where it opens.
-        is_still: Whether what comes later is left out, and nothing plays; otherwise the viewer plays from there on.
+        tick: Tick at which it opens.
+        is_still: Whether later data are left out, and nothing plays; otherwise the viewer plays from there on.
     """
     chunks = shown_chunks(recording)
     last_tick = max((last for chunk in chunks if (last := _last_tick(chunk)) is not None), default=0)
@@ -115,25 +130,9 @@ def _has_notes(chunk: Chunk) -> bool:
     return str(chunk.entity_path).removeprefix("/").partition("/")[0] == streams.NOTE_MODE.root
 
 
-MAX_RUNS = 8
-# Of these the first run's are shown for all: they are the same where neither gas nor wind differ.
-_SHARED_ENTITIES = tuple(
-    stream.entity.split("/")[0] for stream in (streams.FILAMENTS, streams.SLICES, streams.WIND_ARROWS)
-)
-_LOGS = tuple(log.entity for log in streams.LOGS)
-# An agent's name is the next part of a path.
-_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
-# What stands still and is not drawn again.
-_COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
-# Where lines across the curves say that runs part.
-_MARKED_PLOTS = (streams.MIXING_RATIO.root, streams.DISTANCE.root)
-_DIVERGENCE_ENTITY = "they_part"
-_DIVERGENCE_COLOR = colors.CONTACT
-
-
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """A run with its recording; `text` says in a line how it went."""
+    """A run with its recording; `text` is its outcome in a line."""
 
     recording: Path
     scenario: Scenario
@@ -171,15 +170,19 @@ def record_side_by_side(
 
     Args:
         runs: Two runs or more, all in `environment` and with equal ticks.
-        divergence: Where they part, to be marked; not where they are moved in time.
-        is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
-            first run has.
+        divergence: Where they diverge, to be marked; ignored if runs are shifted in time.
+        is_by_contact: Whether the other runs are shifted in time, so that all have their first contact with gas at that
+            of the first run.
     """
     if len(runs) > MAX_RUNS:
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")
     renamed = [_rename_agents(letter, run.scenario) for letter, run in zip(string.ascii_uppercase, runs, strict=False)]
     scenario = _merge_scenarios(runs, renamed)
-    meets_at, divergence = (_find_alignment_tick(runs[0]), None) if is_by_contact else (None, divergence)
+    meets_at = None
+    if is_by_contact:
+        divergence = None
+        tick = _find_first_contact(shown_chunks(runs[0].recording), runs[0].recording)
+        meets_at = AlignmentTick(tick=tick, tick_ns=scenario.tick_ns)
     chunks = [
         [*_rename_chunks(run.recording, names, is_first=i == 0, meets_at=meets_at)]
         for i, (run, names) in enumerate(zip(runs, renamed, strict=True))
@@ -206,7 +209,7 @@ def record_side_by_side(
         file.close()
 
 
-# By old name the new one: a lone agent is called after its method, which says more than its name.
+# New names of agents by the old ones: a lone agent is named after its method, which is more informative.
 def _rename_agents(letter: str, scenario: Scenario) -> dict[str, str]:
     agents = scenario.agents
     if len(agents) == 1 and scenario.methods[agents[0].name] != ATTACHED:
@@ -235,7 +238,7 @@ def _draw(
         draw_agent(file, names, list_gas_names(scenario), label=label)
         if names.agent.name in believers:
             draw_belief_curves(file, names, label=label)
-        # What is drawn at all times wins over the colour of each row.
+        # Static data take precedence over the colour of each row.
         for points in (streams.WAYPOINTS, streams.MARKS):
             file.draw(names.at(points), rr.Points3D.from_fields(colors=[names.color]))
     file.draw(streams.LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
@@ -270,18 +273,14 @@ def _rename_chunks(
     for unshifted in chunks:
         chunk = _shift_chunk(unshifted, shift_ticks, meets_at)
         path = str(chunk.entity_path).removeprefix("/")
+        is_copied = not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)
         if path.split("/")[0] in _SHARED_ENTITIES:
-            if is_first and (not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)):
+            if is_first and is_copied:
                 yield chunk
         elif path in _LOGS:
             yield from _prefix_texts(letter, chunk, path)
-        elif (new_path := _rename_path(path, names)) is not None and _is_copied(chunk, path):
+        elif (new_path := _rename_path(path, names)) is not None and is_copied:
             yield chunk.with_entity_path(new_path)
-
-
-def _find_alignment_tick(run: RecordedRun) -> AlignmentTick:
-    tick = _find_first_contact(shown_chunks(run.recording), run.recording)
-    return AlignmentTick(tick=tick, tick_ns=run.scenario.tick_ns)
 
 
 def _find_first_contact(chunks: Sequence[Chunk], recording: Path) -> int:
@@ -316,10 +315,6 @@ def _shift_chunk(chunk: Chunk, ticks: int, meets_at: AlignmentTick | None) -> Ch
     return piece.with_entity_path(str(chunk.entity_path))
 
 
-def _is_copied(chunk: Chunk, path: str) -> bool:
-    return not chunk.is_static or path.startswith(_COPIED_STATIC_ENTITIES)
-
-
 def _rename_path(path: str, names: Mapping[str, str]) -> str | None:
     for root in _AGENT_ENTITIES:
         if path.startswith(f"{root}/"):
@@ -337,7 +332,7 @@ def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
     return [piece.with_entity_path(f"{path}/{letter}") for piece in said]
 
 
-# A line across the curves, and a point where the first vehicle is then.
+# A line across the curves, and a point at the first vehicle's position in that tick.
 def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Divergence, chunks: Sequence[Chunk]) -> None:
     label = f"they part at {seconds_from_ticks(divergence.tick, scenario.tick_ns):g} s"
     names = build_entities(scenario)[0]
@@ -349,14 +344,17 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
         )
         file.send(f"{names.at(streams.MARKS)}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
     for plot in _MARKED_PLOTS:
-        values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
+        plotted = (each for each in chunks if not each.is_static and str(each.entity_path).startswith(f"/{plot}/"))
+        batches: Iterator[Any] = (chunk.to_record_batch() for chunk in plotted)
+        rows = (row for batch in batches for row in batch.column(streams.SCALARS).to_pylist())
+        values = [float(value) for row in rows for value in row or ()]
         if values:
             entity = f"{plot}/{_DIVERGENCE_ENTITY}"
-            # The viewer would draw the mean of both ends.
+            # With aggregation the viewer would draw the mean of both ends.
             whole = rr.components.AggregationPolicy.Off
             line = rr.SeriesLines(names=[label], colors=[_DIVERGENCE_COLOR], widths=[1.5], aggregation_policy=whole)
             file.draw(entity, line)
-            # A tick wide: of two values at one tick the viewer draws the last.
+            # One tick wide: of two values at one tick the viewer draws the last.
             ends = [min(values), max(values)]
             file.send(entity, [divergence.tick, divergence.tick + 1], rr.Scalars.columns(scalars=ends))
     file.send(
@@ -364,15 +362,6 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
         [divergence.tick],
         rr.TextLog.columns(text=[divergence.text], level=["WARN"]),
     )
-
-
-def _is_plotted(chunk: Chunk, plot: str) -> bool:
-    return not chunk.is_static and str(chunk.entity_path).startswith(f"/{plot}/")
-
-
-def _numbers(chunk: Chunk) -> list[float]:
-    batch: Any = chunk.to_record_batch()
-    return [float(value) for row in batch.column(streams.SCALARS).to_pylist() for value in row or ()]
 
 
 def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 | None:

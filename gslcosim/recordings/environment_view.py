@@ -18,9 +18,15 @@ from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.scene import WIRE, draw_room, floor_grid_m
 from gslcosim_services.recorder.stream_table import WIND_ARROWS
 
-# A step is this share of a cell; slower air than this is taken as still. Both chosen.
+# A step is this fraction of a cell; slower air counts as still. Both chosen.
 STEP_CELLS = 0.5
 STILL_M_S = 1e-3
+OCCUPANCY, STREAMLINES = "occupancy", "streamlines"
+N_STREAMLINES = 120
+# A line is at most this many times as long as the room.
+MAX_LENGTHS = 2.0
+# Time has no meaning here, but the file requires a tick.
+_TICK_NS = 1_000_000_000
 
 
 def streamlines(
@@ -28,12 +34,12 @@ def streamlines(
 ) -> list[NDArray[np.float64]]:
     """Return the paths along the wind of the first frame from the seeds, each (n, 3) with n >= 2, world frame [m].
 
-    Steps have equal lengths and go by the midpoint rule; a path ends in a solid, outside the grid, in still air, or at
-    its greatest length.
+    Steps have equal lengths and follow the midpoint rule; a path ends in a solid, outside the grid, in still air, or at
+    its maximum length.
 
     Args:
-        seeds_m: (n, 3) where paths begin, world frame [m]; those outside the air have none.
-        max_length_m: How long a path may become [m].
+        seeds_m: (n, 3) starts of the paths, world frame [m]; those outside the air have no path.
+        max_length_m: Maximum length of a path [m].
     """
     step_m = STEP_CELLS * environment.grid.cell_m
     points_m = np.asarray(seeds_m, dtype=np.float64).reshape(-1, 3)
@@ -68,19 +74,11 @@ def _is_air(environment: Environment, points_m: NDArray[np.float64]) -> NDArray[
     return is_inside & (environment.occupancy[i, j, k] != Cell.SOLID)
 
 
-OCCUPANCY, STREAMLINES = "occupancy", "streamlines"
-N_STREAMLINES = 120
-# A line is at most this many times as long as the room.
-MAX_LENGTHS = 2.0
-# Time has no meaning here; the file wants a tick.
-_TICK_NS = 1_000_000_000
-
-
 def record_environment(environment: Environment, path: Path) -> None:
     """Write a recording that shows an environment.
 
-    Arrows are the wind at 2 m, or in the middle of lower rooms. Half of the streamlines begin at the inlets, the
-    others anywhere in the air.
+    Arrows are the wind at 2 m, or in the middle of lower rooms. Half of the streamlines begin at the inlets, the others
+    anywhere in the air.
     """
     file = RecordingFile(
         path,
@@ -101,7 +99,7 @@ def _blueprint(environment: Environment) -> rrb.Blueprint:
     grid = environment.grid
     size = " x ".join(f"{high - low:.4g}" for low, high in zip(grid.origin_m, grid.max_m, strict=True))
     name = f"{environment.name}, {size} m (floor grid {floor_grid_m(environment):g} m)"
-    # Occupancy lies over what it was made from: it is there to be switched on.
+    # Occupancy covers the geometry from which it was made, so it is hidden at first.
     hidden = {OCCUPANCY: rrb.EntityBehavior(visible=False)}
     view = build_space_view(name, fit_room_camera(environment), (0.0, 0.0, 1.0), overrides=hidden)
     return rrb.Blueprint(

@@ -1,6 +1,6 @@
-"""Summary of a run from the small files of its folder, and filters of such rows as people write them.
+"""Summary of a run from the small files of its folder, and filters of rows in the notation of the command line.
 
-No large package is imported, and no YAML is parsed: `scenario.yaml` of a run is as we wrote it.
+No large package is imported, and no YAML is parsed: a run's `scenario.yaml` has our own layout.
 """
 
 import contextlib
@@ -29,64 +29,6 @@ _ORDERS: Mapping[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,
 }
 Row = Mapping[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Condition:
-    """One condition; a row without a value in the column meets only `!=`."""
-
-    column: str
-    relation: str
-    value: str | float
-
-    @classmethod
-    def of(
-        cls, text: str, *, numbers: Sequence[str], texts: Sequence[str], short: Mapping[str, str] | None = None
-    ) -> Self:
-        """Read a condition on columns of numbers and of texts; `short` has other names of columns."""
-        match = _FORM.fullmatch(text)
-        if match is None:
-            raise UsageError(f"--where: expected COLUMN=VALUE, or !=, <, <=, > or >= for =, was '{text}'.")
-        column, relation, value = match.groups()
-        column = (short or {}).get(column, column)
-        check_column("--where", column, (*texts, *numbers))
-        if column in texts:
-            if relation in _ORDERS:
-                raise UsageError(f"--where {text}: expected = or != for the texts of {column}, was {relation}.")
-            return cls(column=column, relation=relation, value=value)
-        try:
-            return cls(column=column, relation=relation, value=float(value))
-        except ValueError as error:
-            raise UsageError(f"--where {text}: expected a number for {column}, was '{value}'.") from error
-
-    def holds(self, row: Row) -> bool:
-        """Return whether a row meets the condition; texts may have `*` and `?` for any characters."""
-        found = row[self.column]
-        if self.relation in _ORDERS:
-            return found is not None and _ORDERS[self.relation](found, float(self.value))
-        if isinstance(self.value, str):
-            is_equal = fnmatch.fnmatchcase(str(found), self.value)
-        else:
-            is_equal = found is not None and float(found) == self.value
-        return is_equal is (self.relation == "=")
-
-
-def sorted_rows(rows: Iterable[Row], key: str, columns: Sequence[str]) -> list[Row]:
-    """Return rows by a column, `-COLUMN` for the largest first; rows without a value come last."""
-    column, is_reversed = key.removeprefix("-"), key.startswith("-")
-    check_column("--sort", column, columns)
-    having, lacking = [], []
-    for row in rows:
-        (lacking if row[column] in (None, "") else having).append(row)
-    return [*sorted(having, key=lambda row: row[column], reverse=is_reversed), *lacking]
-
-
-def check_column(option: str, column: str, columns: Sequence[str]) -> None:
-    """Refuse a column that there is not."""
-    if column not in columns:
-        raise UsageError(f"{option}: expected one of the columns {', '.join(columns)}, was '{column}'.")
-
-
 State = Literal["ended", "running", "broken", "foreign"]
 RESULT_SCHEMA = "gslcosim/result/1"
 _SCENARIO_SCHEMA = "schema: gslcosim/scenario/"
@@ -103,27 +45,83 @@ _MAX_SEED_DIGITS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
+class Condition:
+    """One condition; a row without a value in the column fulfils only `!=`."""
+
+    column: str
+    relation: str
+    value: str | float
+
+    @classmethod
+    def of(
+        cls, text: str, *, numbers: Sequence[str], texts: Sequence[str], short: Mapping[str, str] | None = None
+    ) -> Self:
+        """Read a condition on columns of numbers and of texts; `short` has other names for columns."""
+        match = _FORM.fullmatch(text)
+        if match is None:
+            raise UsageError(f"--where: expected COLUMN=VALUE, or !=, <, <=, > or >= for =, was '{text}'.")
+        column, relation, value = match.groups()
+        column = (short or {}).get(column, column)
+        check_column("--where", column, (*texts, *numbers))
+        if column in texts:
+            if relation in _ORDERS:
+                raise UsageError(f"--where {text}: expected = or != for the texts of {column}, was {relation}.")
+            return cls(column=column, relation=relation, value=value)
+        try:
+            return cls(column=column, relation=relation, value=float(value))
+        except ValueError as error:
+            raise UsageError(f"--where {text}: expected a number for {column}, was '{value}'.") from error
+
+    def holds(self, row: Row) -> bool:
+        """Return whether a row fulfils the condition; texts may have `*` and `?` for any characters."""
+        found = row[self.column]
+        if self.relation in _ORDERS:
+            return found is not None and _ORDERS[self.relation](found, float(self.value))
+        if isinstance(self.value, str):
+            is_equal = fnmatch.fnmatchcase(str(found), self.value)
+        else:
+            is_equal = found is not None and float(found) == self.value
+        return is_equal is (self.relation == "=")
+
+
+def sorted_rows(rows: Iterable[Row], key: str, columns: Sequence[str]) -> list[Row]:
+    """Return rows sorted by a column, `-COLUMN` for the largest first; rows without a value come last."""
+    column, is_reversed = key.removeprefix("-"), key.startswith("-")
+    check_column("--sort", column, columns)
+    having, lacking = [], []
+    for row in rows:
+        (lacking if row[column] in (None, "") else having).append(row)
+    return [*sorted(having, key=lambda row: row[column], reverse=is_reversed), *lacking]
+
+
+def check_column(option: str, column: str, columns: Sequence[str]) -> None:
+    """Refuse a column that does not exist."""
+    if column not in columns:
+        raise UsageError(f"{option}: expected one of the columns {', '.join(columns)}, was '{column}'.")
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunSummary:
-    """One run, or what looks like one.
+    """One run, or a folder that looks like one.
 
     Attributes:
         run: Name of its folder, or of a trial.
-        scenario: What was run; empty where nothing says so.
-        method: What decides for its agents, `+` between several.
-        seed: None where nothing says so.
-        state: `ended` with a result; `running`; `broken`: a run without result that nobody flies; `foreign`: no run.
-        outcome: The referee's end reason or why there is none; of other states what is wrong.
-        time_s: Simulated time flown [s].
+        scenario: Name of its scenario; empty if no file has it.
+        method: Method of its agents, `+` between several.
+        seed: Its seed; None if no file has it.
+        state: `ended` with a result; `running`; `broken`: without a result and without a process; `foreign`: no run.
+        outcome: The referee's end reason, or the reason why there is none; in other states the defect.
+        time_s: Simulated time [s].
         speed: Simulated time by wall time of the run.
-        faults: How many the result lists.
+        faults: Number of faults in the result.
         time_to_source_s: First success of any agent [s].
-        distance_m: Of the nearest agent to a source at the end [m].
-        path_m: Length flown by all agents [m].
-        agents: How many.
-        size_mb: Of all its files [MB].
-        age_h: Since the last of its small files was written [h].
-        version: Of the gslcosim that flew it.
-        folder: Where it is.
+        distance_m: Distance of the nearest agent to a source at the end [m].
+        path_m: Length of the paths of all agents [m].
+        agents: Number of agents.
+        size_mb: Size of all its files [MB].
+        age_h: Time since the last change of its small files [h].
+        version: gslcosim's version in the run.
+        folder: Path of the folder.
     """
 
     run: str
@@ -146,30 +144,32 @@ class RunSummary:
 
 
 def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
-    """Return the summary of a folder by its files; whether somebody flies it now is not asked.
+    """Return the summary of a folder by its files; whether a process runs it now is not checked.
 
     Args:
-        now_s: The time from which its age counts, by `time.time`; by default now.
+        now_s: Time from which its age counts, by `time.time`; by default now.
     """
     sizes, changed_s = _files(folder)
     size_mb = sum(sizes.values()) / 1e6
     age_h = round(max((time.time() if now_s is None else now_s) - changed_s, 0.0) / _S_PER_H, 4)
-    result, manifest = _json(folder / _RESULT, sizes), _json(folder / _MANIFEST, sizes)
-    text = _text(folder / _SCENARIO, sizes)
+    result, manifest = (_read_json(folder / name) if name in sizes else {} for name in (_RESULT, _MANIFEST))
+    text = _read_text(folder / _SCENARIO) if _SCENARIO in sizes else ""
     is_ours = text.startswith(_SCENARIO_SCHEMA) or "run_id" in manifest or result.get("schema") == RESULT_SCHEMA
-    # A folder that was just made has no more than this.
+    # A folder that was just created has no more than this.
     is_begun = set(sizes) <= {".reserve"} and (folder / "logs").is_dir()
     if folder.is_symlink() or not (is_ours or is_begun):
         what = "a link" if folder.is_symlink() else "not a run"
         return RunSummary(run=folder.name, folder=str(folder), state="foreign", outcome=what, size_mb=round(size_mb, 3),
                         age_h=age_h)  # fmt: skip
     has_result = result.get("schema") == RESULT_SCHEMA
-    agents = _agents_of(result)
+    defect = "result.json cannot be read" if _RESULT in sizes else "no result.json"
+    listed = result.get("agents")
+    agents = [agent for agent in listed if isinstance(agent, dict)] if isinstance(listed, list) else []
     return RunSummary(
         run=folder.name,
         folder=str(folder),
         state="ended" if has_result else "broken",
-        outcome=str(result.get("end_reason", "")) if has_result else _what_lacks(sizes),
+        outcome=str(result.get("end_reason", "")) if has_result else defect,
         scenario=str(result.get("scenario") or _first(_NAME, text)),
         method=find_methods(text),
         seed=_whole(result.get("seed", manifest.get("seed", _first(_SEED, text)))),
@@ -208,7 +208,7 @@ def find_methods(scenario_text: str) -> str:
     return join_methods(starts.values())
 
 
-# Sizes by name, of those in folders with the folder before it, and when the last was written [s].
+# Sizes by name, with the folder in front for files in folders, and the time of the last change [s].
 def _files(folder: Path) -> tuple[dict[str, int], float]:
     sizes: dict[str, int] = {}
     changed_s = folder.stat(follow_symlinks=False).st_mtime
@@ -229,33 +229,18 @@ def _files(folder: Path) -> tuple[dict[str, int], float]:
     return sizes, changed_s
 
 
-def _what_lacks(sizes: Mapping[str, int]) -> str:
-    return "result.json cannot be read" if _RESULT in sizes else "no result.json"
-
-
-def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
-    if path.name not in sizes:
-        return {}
-    try:
+def _read_json(path: Path) -> dict[str, Any]:
+    with contextlib.suppress(MalformedFileError):
         check_files(path.parent, path.name)
         return read_json(path, JsonObject)
-    except MalformedFileError:
-        return {}
+    return {}
 
 
-def _text(path: Path, sizes: Mapping[str, int]) -> str:
-    if path.name not in sizes:
-        return ""
-    try:
+def _read_text(path: Path) -> str:
+    with contextlib.suppress(OSError, MalformedFileError):
         check_files(path.parent, path.name)
         return read_regular_file(path, max_bytes=_MAX_SCENARIO_BYTES).decode(errors="replace")
-    except (OSError, MalformedFileError):
-        return ""
-
-
-def _agents_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    agents = result.get("agents")
-    return [agent for agent in agents if isinstance(agent, dict)] if isinstance(agents, list) else []
+    return ""
 
 
 def _numbers(agents: Iterable[Mapping[str, Any]], key: str) -> list[float]:

@@ -21,17 +21,29 @@ from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_path, 
 
 # Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
 SCREENSHOT_TIMEOUT_S = 90.0
-# The viewer was once seen to draw nothing for minutes where it needed 11 s just after.
+# The viewer has once drawn nothing for minutes, and taken 11 s for the same right afterwards.
 N_TRIES = 2
 # The viewer listens for more data; only programs of this machine may send some.
 _LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
+POLL_S = 0.1
+_CHUNK_BYTES = 1 << 18
+ViewerKind = Literal["window", "browser"]
+# Only this machine may reach it.
+_LOOPBACK = "127.0.0.1"
+_FOR_BROWSER = ("--serve-web", "--web-viewer-port", "0")
+_FOR_WINDOW = ("--expect-data-soon",)
+# Line with which the program announces its page.
+_ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
+_END_TIMEOUT_S = 5.0
+# A viewer that had announced its address has once taken nothing for ten minutes.
+_STALL_S = 60.0
 
 
 def open_viewer(path: Path) -> None:
     """Show a recording in a window and return when it is closed."""
     _check_file(path)
     check_screen()
-    # What it logs may come from the recording, and is no text for a terminal.
+    # Its log may contain text of the recording, which must not reach a terminal.
     viewer = subprocess.run(
         [*build_parent_death_prefix(), str(rerun_program()), *_LOCAL_OPTIONS, rerun_path(path)],
         env=rerun_environment({"NO_COLOR": "1"}),
@@ -48,7 +60,7 @@ def open_viewer(path: Path) -> None:
 
 
 def check_screen() -> None:
-    """Refuse where a window cannot be shown."""
+    """Refuse a machine on which no window can be shown."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise RecordingError(
             "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). Look with a browser "
@@ -57,7 +69,7 @@ def check_screen() -> None:
 
 
 def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1000)) -> None:
-    """Save a picture of a recording as the viewer shows it first; needs no screen and no graphics card.
+    """Save a picture of a recording as the viewer first shows it; needs no screen and no graphics card.
 
     Args:
         window_size: Width and height of the picture [pixels].
@@ -80,14 +92,14 @@ def _resize(png: Path, size: tuple[int, int]) -> None:
 
 
 def _try_screenshot(path: Path, png: Path, size: str) -> str:
-    # As standard input, because a file given by name is loaded piece by piece, after the picture.
+    # By standard input, because a file given by name is loaded piece by piece, after the picture.
     call = [
         *build_parent_death_prefix(), str(rerun_program()), "-", "--headless", *_LOCAL_OPTIONS,
         "--screenshot-to", rerun_path(png), "--window-size", size,
     ]  # fmt: skip
     for _ in range(N_TRIES):
         with path.open("rb") as recording, ScratchFolder() as scratch:
-            # Below errors the viewer's notes would be part of the picture. Drivers want a runtime directory.
+            # Below errors the viewer's notes would be part of the picture. Drivers require a runtime directory.
             environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
             with contextlib.suppress(subprocess.TimeoutExpired):
                 drawn = subprocess.run(
@@ -124,16 +136,12 @@ def _check_file(path: Path) -> None:
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
 
 
-POLL_S = 0.1
-_CHUNK_BYTES = 1 << 18
-
-
 def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
     """Yield the bytes of a file from its beginning, and further ones as it grows, until it is complete.
 
     Args:
-        path: The file; it may not be there yet. It is read as it was opened, even where another is put in its place.
-        is_over: Whether nobody writes it any more; what was written before is still read.
+        path: The file; it need not exist yet. It is read as opened, even if another replaces it.
+        is_over: Returns True once no process writes the file any more; earlier content is still read.
     """
     was_over = False
     while not path.exists():
@@ -154,27 +162,14 @@ def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
                 time.sleep(0 if was_over else POLL_S)
 
 
-ViewerKind = Literal["window", "browser"]
-
-# Only this machine may reach it.
-_LOOPBACK = "127.0.0.1"
-_FOR_BROWSER = ("--serve-web", "--web-viewer-port", "0")
-_FOR_WINDOW = ("--expect-data-soon",)
-# What the program says once its page can be opened.
-_ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
-_END_TIMEOUT_S = 5.0
-# A viewer that had said its address was once seen to take nothing for ten minutes.
-_STALL_S = 60.0
-
-
 class LiveViewer:
-    """Viewer in a process of its own that shows a recording while it is written; the recorder knows nothing of it.
+    """Viewer in a process of its own that shows a recording while it is written, without the recorder's involvement.
 
     Args:
         kind: A window of this machine's screen, or a page for a browser of this machine.
-        on_address: Receives, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
-            has something to show.
-        prefix: What precedes the viewer's command line, for example so that it ends with this process.
+        on_address: Receives the address of the page for a browser, on a thread of the viewer's, once the viewer has
+            something to show.
+        prefix: Command in front of the viewer's, for example so that the viewer ends with this process.
     """
 
     def __init__(self, kind: ViewerKind, on_address: Callable[[str], object], *, prefix: Sequence[str] = ()) -> None:
@@ -204,7 +199,7 @@ class LiveViewer:
         return self._viewer.poll() is None
 
     def show(self, path: Path, is_over: Callable[[], bool]) -> None:
-        """Show a recording from now on, as far as it is written, until `is_over` says that it is complete."""
+        """Show a recording from now on, as far as it is written, until `is_over` returns True."""
         self._feeder = threading.Thread(target=self._feed, args=(path, is_over), name="feeds the viewer", daemon=True)
         self._feeder.start()
 
@@ -224,7 +219,7 @@ class LiveViewer:
                 )
 
     def wait_until_closed(self) -> None:
-        """Return when somebody has closed the viewer."""
+        """Return when the viewer is closed."""
         if self._viewer.wait() != 0:
             raise RecordingError(f"viewer: expected to end with 0, {self._log_tail()}")
 
@@ -245,7 +240,7 @@ class LiveViewer:
 
     def _feed(self, path: Path, is_over: Callable[[], bool]) -> None:
         assert self._viewer.stdin is not None
-        # A viewer that was closed takes no more. Its entrance stays open: at the end of its input it spins on a core.
+        # A closed viewer takes no more. Its input stays open: at the end of its input it spins on a core.
         with contextlib.suppress(BrokenPipeError):
             for data in tail_file(path, lambda: is_over() or not self.is_open):
                 self._viewer.stdin.write(data)
@@ -268,7 +263,7 @@ class LiveViewer:
         return f"{state}: {self._said[-1] if self._said else 'no word'}"
 
 
-# The program's own search for one finds the same for two that begin at once.
+# The program's own search for a port finds the same one for two viewers that start at once.
 def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind((_LOOPBACK, 0))

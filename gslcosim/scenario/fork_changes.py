@@ -1,4 +1,4 @@
-"""Changes that a fork may make to the scenario of its run: nothing that the past depends on."""
+"""Changes that a fork may make to its run's scenario: none on which its past depends."""
 
 import re
 from collections.abc import Iterator
@@ -11,9 +11,26 @@ from gslcosim.scenario.models.events import EventSpec, SourceStartsSpec, SourceS
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 
+# Processes of agents, their inputs and settings, and output: none of it is in a message of the past.
+_CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
+_CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
+_TIME_LIMIT = "referee.stop.time_limit_s"
+# Reason for being part of the past, by the beginning of a path.
+_REASONS = {
+    "seed": "all that was drawn at random follows from it; agents[0].seed gives one agent another",
+    "environment": "the run was flown in that room",
+    "wind": "the gas was carried by that wind",
+    "gas": "the gas that was sensed came from there",
+    "agents": "what was flown and sensed follows from it",
+    "referee": "what was judged follows from it",
+    "channels": "what was heard follows from it",
+    "services": "they took part",
+    "tick_ms": "it is the clock of the run",
+}
+
 
 def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
-    """Yield what a fork would change of the events that its past depends on."""
+    """Yield the changes of a fork to events on which its past depends."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     past = [event for event in before.events if _could_be_past(event, before, at_tick)]
     for i, event in enumerate(after.events):
@@ -47,26 +64,8 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
     return {source for source, is_start in firsts.items() if is_start}
 
 
-# Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
-_CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
-_CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
-_TIME_LIMIT = "referee.stop.time_limit_s"
-# By the beginning of a path: why it is part of the past.
-_REASONS = (
-    ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
-    ("environment", "the run was flown in that room"),
-    ("wind", "the gas was carried by that wind"),
-    ("gas", "the gas that was sensed came from there"),
-    ("agents", "what was flown and sensed follows from it"),
-    ("referee", "what was judged follows from it"),
-    ("channels", "what was heard follows from it"),
-    ("services", "they took part"),
-    ("tick_ms", "it is the clock of the run"),
-)
-
-
 def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
-    """Hold a fork's scenario against that of the run it forks."""
+    """Refuse changes of a fork's scenario to the past of its run."""
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     blocks = [*_CHANGEABLE_BLOCKS, *(key.name for key in list_live_keys())]
     pattern = re.compile(rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|({'|'.join(blocks)})\b.*|pace|name")
@@ -79,7 +78,9 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
                 limit_s = after.referee.stop.time_limit_s
                 problems.append(f"{path}: expected a time after the fork at {at_s:g} s, was {limit_s:g} s.")
         elif not pattern.fullmatch(path):
-            problems.append(f"{path}: expected as in the run, was changed: {_find_reason(path)}.")
+            first = re.split(r"[.\[]", path, maxsplit=1)[0]
+            reason = _REASONS.get(first, "the run before the fork depends on it")
+            problems.append(f"{path}: expected as in the run, was changed: {reason}.")
     problems += find_event_problems(before, after, at_tick=at_tick)
     if problems:
         *keys, last = _CHANGEABLE_AGENT_KEYS.split("|")
@@ -91,7 +92,7 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
 
 
 def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:
-    """Yield the paths at which plain values differ, such as `agents[0].start.python`; a lack is a difference."""
+    """Yield the paths at which plain values differ or are missing, such as `agents[0].start.python`."""
     if isinstance(before, dict) and isinstance(after, dict):
         old, new = cast("dict[str, Any]", before), cast("dict[str, Any]", after)
         for key in dict.fromkeys([*old, *new]):
@@ -107,15 +108,10 @@ def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:
         yield at
 
 
-# Others are changed as a whole: an item more would shift those behind it.
+# Other lists are compared as a whole: one item more would shift those behind it.
 def _are_block_lists(before: Any, after: Any) -> tuple[list[Any], list[Any]] | None:
     if not (isinstance(before, list) and isinstance(after, list)):
         return None
     old, new = cast("list[Any]", before), cast("list[Any]", after)
     are_blocks = len(old) == len(new) and all(isinstance(item, dict) for item in (*old, *new))
     return (old, new) if are_blocks else None
-
-
-def _find_reason(path: str) -> str:
-    first = re.split(r"[.\[]", path, maxsplit=1)[0]
-    return dict(_REASONS).get(first, "the run before the fork depends on it")

@@ -15,7 +15,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import replace_inputs
-from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
+from gslcosim.scenario.checks.cross_checks import block_in, find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.checks.program_checks import find_unusable_paths
 from gslcosim.scenario.model_schema import find_schema_node, format_value, problems_from_validation
 from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
@@ -24,13 +24,33 @@ from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
 from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml
 
+__all__ = [
+    "Check",
+    "LoadedScenario",
+    "dump_resolved",
+    "find_scenario",
+    "load_scenario",
+    "read_resolved",
+    "resolve_values",
+]
+
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
+RANDOM = "random"
+_WIND = TypeAdapter[SolverSpec](Wind)
+# Refusal of a position that cannot be drawn yet; reported only if nothing else is wrong.
+_AFTER_THE_OTHERS = "a random place once the other problems are solved"
+Check = Callable[[Scenario, Path], Iterable[Problem]]
+_ENDINGS = (".yaml", ".yml")
+# Families load one file many times; `apply_overrides` does not modify its arguments.
+_read_tree = lru_cache(maxsize=8)(read_yaml)
+MAX_BYTES = 2_000_000
+"""Largest size of a scenario file."""
 
 
 def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]) -> dict[str, Any] | None:
-    """Return a scenario that has the places of a faulty one and nothing else of it.
+    """Return a scenario with the positions of a faulty one and nothing else of it.
 
-    Returns nothing when a problem concerns what says where things are: no place is ever guessed.
+    Returns None if a problem concerns data that determine positions: none is ever guessed.
     """
     agents = values.get("agents")
     if not isinstance(agents, list) or any(_concerns_places(path) for path in problem_paths):
@@ -39,19 +59,18 @@ def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]
         "schema": "gslcosim/scenario/1",
         "name": "places",
         "environment": values.get("environment"),
-        "gas": {"sources": _get(values.get("gas"), "sources")},
-        "agents": [_agent(i, agent) for i, agent in enumerate(cast("list[Any]", agents))],
+        "gas": {"sources": block_in(values, "gas").get("sources")},
+        "agents": [
+            {
+                "name": f"agent_{i}",
+                "start": {"attach": True},
+                "vehicle": agent.get("vehicle"),
+                "sensors": [{"model": "anemometer", "name": "wind"}],
+            }
+            for i, agent in enumerate(_blocks(cast("list[Any]", agents)))
+        ],
     }
     return {**places, "wind": values["wind"]} if "wind" in values else places
-
-
-def _agent(index: int, agent: Any) -> dict[str, Any]:
-    return {
-        "name": f"agent_{index}",
-        "start": {"attach": True},
-        "vehicle": _get(agent, "vehicle"),
-        "sensors": [{"model": "anemometer", "name": "wind"}],
-    }
 
 
 def _concerns_places(path: str) -> bool:
@@ -65,41 +84,31 @@ def _concerns_places(path: str) -> bool:
     return True
 
 
-def _get(values: Any, key: str) -> Any:
-    return cast("dict[str, Any]", values).get(key) if isinstance(values, dict) else None
-
-
-RANDOM = "random"
-_WIND = TypeAdapter[SolverSpec](Wind)
-# What a place that cannot be drawn yet is refused with; told only where nothing else is wrong.
-_AFTER_THE_OTHERS = "a random place once the other problems are solved"
-
-
 @dataclass(frozen=True, kw_only=True)
 class RandomPosition:
-    """A place to draw: its path in the scenario, and the vehicle that is to stand there, if it is for one."""
+    """A position to draw: its path in the scenario, and the vehicle that starts there, if any."""
 
     path: str
     vehicle: VehicleSpec | None = None
 
 
-# From the environment, its wind, the scenario's folder and seed to a place for each that is wanted.
+# From the environment, its wind, the scenario's folder and seed, and the wanted positions, to a position for each.
 Placer = Callable[[EnvironmentSpec, SolverSpec, Path, int, Sequence[RandomPosition]], Mapping[str, Vec3]]
 
 
 def replace_random_positions(values: dict[str, Any], directory: Path, placer: Placer | None) -> list[Problem]:
     """Replace `random` positions in a scenario's plain values, in place.
 
-    Where nothing can be drawn because the environment or a vehicle has problems of its own, a stand-in takes their
-    place, so that those problems are found.
+    If nothing can be drawn because the environment or a vehicle has problems of its own, a placeholder takes the
+    position, so that those problems are found.
 
     Args:
         values: The scenario as dicts, lists and scalars; modified.
         directory: The scenario's folder.
-        placer: Draws the places; absent: `random` is refused.
+        placer: Draws the positions; absent: `random` is refused.
 
     Returns:
-        A problem for each place that cannot be drawn.
+        A problem for each position that cannot be drawn.
     """
     spots = list(_spots(values))
     if not spots:
@@ -125,7 +134,7 @@ def replace_random_positions(values: dict[str, Any], directory: Path, placer: Pl
 
 
 def drop_consequent_problems(problems: Sequence[Problem]) -> list[Problem]:
-    """Return problems without those of places that only wait for the others to be solved, if there are others."""
+    """Leave out problems of positions that only wait for other problems to be solved, unless there are no others."""
     causes = [p for p in problems if p.expected != _AFTER_THE_OTHERS]
     return causes or list(problems)
 
@@ -135,11 +144,11 @@ def _refusal(path: str, expected: str) -> Problem:
 
 
 def _spots(values: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    for i, source in enumerate(_blocks(_block(values, "gas").get("sources"))):
+    for i, source in enumerate(_blocks(block_in(values, "gas").get("sources"))):
         if source.get("position_m") == RANDOM:
             yield f"gas.sources[{i}].position_m", source, "position_m"
     for i, agent in enumerate(_blocks(values.get("agents"))):
-        vehicle = _block(agent, "vehicle")
+        vehicle = block_in(agent, "vehicle")
         if vehicle.get("start_m") == RANDOM:
             yield f"agents[{i}].vehicle.start_m", vehicle, "start_m"
 
@@ -150,41 +159,18 @@ def _vehicle_in(block: dict[str, Any], key: str) -> VehicleSpec | None:
     return VehicleSpec.model_validate_json(json.dumps({**block, key: [0, 0, 0]}), strict=True)
 
 
-def _block(values: dict[str, Any], key: str) -> dict[str, Any]:
-    inner = values.get(key)
-    return cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
-
-
-# Everything that is no block is an empty one, so that numbers count as in the file.
+# Other items become empty blocks, so that indices are those of the file.
 def _blocks(items: Any) -> list[dict[str, Any]]:
     listed = cast("list[Any]", items) if isinstance(items, list) else []
     return [cast("dict[str, Any]", item) if isinstance(item, dict) else {} for item in listed]
 
 
-__all__ = [
-    "Check",
-    "LoadedScenario",
-    "dump_resolved",
-    "find_scenario",
-    "load_scenario",
-    "read_resolved",
-    "resolve_values",
-]
-
-Check = Callable[[Scenario, Path], Iterable[Problem]]
-
-_ENDINGS = (".yaml", ".yml")
-_MOST_TREES = 8
-MAX_BYTES = 2_000_000
-"""Largest size of a scenario file."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class LoadedScenario:
-    """A valid scenario and where it came from.
+    """A valid scenario and its origin.
 
-    `directory` is where the scenario's relative paths start; `text` is the file as read, without overrides. `included`
-    are other files that it was resolved from, such as the suite that flies it.
+    `directory` is the base of the scenario's relative paths; `text` is the file as read, without overrides. `included`
+    are other files from which it was resolved, such as the suite that runs it.
     """
 
     scenario: Scenario
@@ -214,35 +200,32 @@ def load_scenario(
         source: A file, or the name of a bundled scenario.
         overrides: Values to replace, such as `agents[0].vehicle.hold_s=1`.
         seed: Replaces the scenario's seed.
-        checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
-            asked even when other parts of the file have problems, as long as the places are known.
-        placer: Draws the places that are `random`, for example
-            `gslcosim.environment.positions.draw_positions`.
-        set_in: Where problems with overrides are said to stand.
+        checks: Further rules, for example about positions in the room. Each receives the scenario and its folder, and
+            runs even if other parts of the file have problems, as long as the positions are known.
+        placer: Draws the `random` positions, for example `gslcosim.environment.positions.draw_positions`.
+        set_in: Location of the overrides, in their problems.
 
     Raises:
         ScenarioError: there is no such scenario, or it has problems: all of them in one error.
     """
     path = find_scenario(source)
     text = _read_text(path)
-    tree = apply_overrides(_read_tree(text, _shown_path(source, path)), overrides, seed=seed, source=set_in)
+    shown_path = str(source) if Path(source).is_file() else str(path)
+    tree = apply_overrides(_read_tree(text, source=shown_path), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
     _check_sizes(tree)
     unplaced = replace_random_positions(tree.block, directory, placer) if tree.block is not None else []
-    scenario, problems = _check(tree, directory, known=unplaced)
-    problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
-    if scenario is None or problems or tree.problems:
-        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
+    scenario = _resolve(tree, directory, checks, known=unplaced)
     return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)
 
 
 def resolve_values(values: dict[str, Any], directory: Path, *, source: str, checks: Sequence[Check] = ()) -> Scenario:
-    """Return the scenario of plain values, which a program has put together.
+    """Return the scenario of plain values that a program has composed.
 
     Args:
-        values: What a scenario file would hold, nothing of it `random`.
-        directory: Where its relative paths start.
-        source: Where its problems are said to stand.
+        values: The content of a scenario file, without `random` positions.
+        directory: Base of its relative paths.
+        source: Location of its problems.
         checks: Further rules, as in `load_scenario`.
 
     Raises:
@@ -250,15 +233,19 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
     """
     tree = YamlTree(values, TextLocations(TextLocation(source=source)))
     _check_sizes(tree)
-    scenario, problems = _check(tree, directory, known=())
+    return _resolve(tree, directory, checks, known=())
+
+
+def _resolve(tree: YamlTree, directory: Path, checks: Sequence[Check], *, known: Sequence[Problem]) -> Scenario:
+    scenario, problems = _check(tree, directory, known)
     problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
-    if scenario is None or problems:
-        raise InvalidScenarioError(locate(problems, tree.marks), name=source)
+    if scenario is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
     return scenario
 
 
 def read_resolved(text: str, *, source: str) -> Scenario:
-    """Return the scenario in a text as `dump_resolved` writes it, on whatever host; no file that it names is looked at.
+    """Return the scenario in a text that `dump_resolved` has written, on any host; files that it names are not read.
 
     Raises:
         ScenarioError: it is no scenario.
@@ -271,7 +258,7 @@ def read_resolved(text: str, *, source: str) -> Scenario:
 
 
 def find_scenario(source: str | Path) -> Path:
-    """Return the file of a scenario that is named by path, or by name when it is bundled.
+    """Return the file of a scenario given by its path, or by its name if it is bundled.
 
     Raises:
         ScenarioError: there is none.
@@ -296,12 +283,6 @@ def find_scenario(source: str | Path) -> Path:
     )
 
 
-# Families load one file many times; `apply_overrides` modifies nothing of what it is given.
-@lru_cache(_MOST_TREES)
-def _read_tree(text: str, source: str) -> YamlTree:
-    return read_yaml(text, source=source)
-
-
 def _read_text(path: Path) -> str:
     try:
         return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
@@ -315,11 +296,7 @@ def _read_text(path: Path) -> str:
         ) from error
 
 
-def _shown_path(source: str | Path, path: Path) -> str:
-    return str(source) if Path(source).is_file() else str(path)
-
-
-# They come first: no check that looks for files or computes needs to think of them.
+# These come first, so that no check that looks for files or computes has to consider them.
 def _check_sizes(tree: YamlTree) -> None:
     if problems := [*find_unusable_paths(tree.block), *find_numbers_too_large(tree.block)]:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
@@ -330,18 +307,20 @@ def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[S
     if values is None:
         expected = find_schema_node(()).describe()
         return None, [Problem(where="", expected=expected, found=format_value(tree.values))]
-    # Services know no folder to start from.
+    # Services have no base folder for paths.
     gas = {key: block for key, block in values.items() if key == "gas"}
     gas = replace_inputs(gas, lambda path: str((directory / Path(path).expanduser()).resolve()))
     scenario, found = _validate(values | gas)
     known_paths = {problem.where for problem in known}
     problems: list[Problem] = [*known, *(problem for problem in found if problem.where not in known_paths)]
     problems += find_cross_problems(values, directory=directory)
+    # A value whose text is faulty has no further problems.
     spoilt = [located.problem.where for located in tree.problems]
-    return scenario, [p for p in problems if not any(_is_inside(p.where, path) for path in spoilt)]
+    inside = tuple(f"{path}{mark}" for path in spoilt for mark in ".[")
+    return scenario, [p for p in problems if p.where not in spoilt and not p.where.startswith(inside)]
 
 
-# JSON, because strict models take its lists as tuples and its whole numbers as reals, but no text as a number.
+# JSON, because strict models accept its lists as tuples and its whole numbers as reals, but no text as a number.
 def _validate(values: Any) -> tuple[Scenario | None, list[Problem]]:
     try:
         return Scenario.model_validate_json(json.dumps(values), strict=True), []
@@ -362,15 +341,11 @@ def _check_places(
     return [problem for problem in found if problem.where not in known]
 
 
-def _is_inside(path: str, part: str) -> bool:
-    return path == part or path.startswith((f"{part}.", f"{part}["))
-
-
 def read_text(path: Path, *, shown_path: str) -> str:
-    """Return the text of a file that a user wrote; `shown_path` is how errors name it.
+    """Return the text of a file that a user wrote; errors name it by `shown_path`.
 
     Raises:
-        ScenarioError: it cannot be read, or is no UTF-8.
+        ScenarioError: it cannot be read, or is not UTF-8.
     """
     try:
         return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
@@ -382,11 +357,11 @@ def read_text(path: Path, *, shown_path: str) -> str:
 
 
 def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
-    """Return what a scenario names beside its own file: the room's folder or geometry, its wind, and stored gas.
+    """Return the inputs that a scenario names beside its own file: the room's folder or geometry, its wind, stored gas.
 
     Args:
         scenario: The scenario.
-        directory: Where its relative paths start.
+        directory: Base of its relative paths.
     """
     named = (*scenario.environment.inputs, scenario.wind.file, scenario.gas.stored_folder)
     return [(directory / Path(name).expanduser()).absolute() for name in named if name is not None]

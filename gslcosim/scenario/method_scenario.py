@@ -1,4 +1,4 @@
-"""Scenario in a small room in which a bundled agent has all that its method's card says it needs."""
+"""Scenario in a small room that gives a bundled agent everything its method's card requires."""
 
 from pathlib import Path
 from typing import Any
@@ -9,12 +9,12 @@ from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 
 METHOD_SCENARIO = "tiny_room"
-# Long enough that methods have met gas, planned and moved; none succeeds before.
+# Long enough for methods to meet gas, plan and move; none succeeds before.
 TIME_LIMIT_S = 60.0
 
 
 def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -> Scenario:
-    """Return a scenario in a small room in which a bundled agent has all that its card says it needs."""
+    """Return a scenario in a small room that gives a bundled agent everything its card requires."""
     values = plain_values(load_scenario(METHOD_SCENARIO).scenario)
     needs = card.needs if card is not None else None
     first = values["agents"][0]

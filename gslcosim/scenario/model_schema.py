@@ -1,4 +1,4 @@
-"""Schema of the models: what they allow at each place of a scenario, their settings, and errors in these words."""
+"""Schema of the models: values allowed at each place of a scenario, their settings, and errors in the same words."""
 
 import json
 import re
@@ -26,11 +26,16 @@ from gslcosim.scenario.problems import (
 )
 
 Segment = str | int
+MISSING = "missing"
+_UNKNOWN_KEY = "an unknown key"
+# More are of no use to a reader, and the search for suggestions takes time.
+_MAX_PROBLEMS = 100
+_MAX_SHOWN = 60
 
 
 @dataclass(frozen=True, kw_only=True)
 class SchemaNode:
-    """A place that the models know: its path, the key whose name says the unit, and the annotation."""
+    """A place that the models define: its path, the key whose name has the unit, and the annotation."""
 
     path: str
     key: str
@@ -43,12 +48,12 @@ class SchemaNode:
         return find_model(self.annotation)
 
     def describe(self) -> str:
-        """Return what is allowed here in words: `a number greater than 0 in metres`."""
+        """Return the allowed values in words: `a number greater than 0 in metres`."""
         return _describe(self.annotation, self.constraints, unit_name(self.key))
 
 
 def find_schema_node(location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> SchemaNode:
-    """Return the deepest place on the way to a location that the models know; unknown keys end the way.
+    """Return the deepest place on the way to a location that the models define; an unknown key ends the way.
 
     Args:
         location: Keys and indices from the outermost block inwards.
@@ -74,20 +79,20 @@ def paths_of_key(key: str, *, root: type[BaseModel] = Scenario) -> list[str]:
 
 
 def list_words(annotation: Any) -> list[str]:
-    """Return the fixed words that are allowed by an annotation, such as the names of the wind solvers."""
+    """Return the fixed words that an annotation allows, such as the names of the wind solvers."""
     kinds = _kinds_of_union(annotation) or [annotation]
     literals = [kind for kind in kinds if typing.get_origin(kind) is Literal]
     return [str(word) for literal in literals for word in typing.get_args(literal)]
 
 
 def list_kinds(annotation: Any) -> list[str]:
-    """Return the kinds of which a block that belongs here may be, where there are several; others' packages' last."""
+    """Return the kinds that a block here may have, if there are several; those of other packages last."""
     one_of = _one_of(annotation)
     return list(one_of.names()) if one_of else list(_variants(annotation))
 
 
 def list_blocks(annotation: Any) -> dict[str, type[BaseModel]]:
-    """Return the block of each of the installed kinds of which a block that belongs here may be."""
+    """Return the block of each installed kind that a block here may have."""
     return dict(_iterate_variants(annotation))
 
 
@@ -100,24 +105,24 @@ def find_tag_key(annotation: Any) -> str:
 
 
 def find_default_kind(annotation: Any) -> str | None:
-    """Return the kind of a block that does not say its kind; nothing where it has to."""
+    """Return the kind of a block that does not name its kind; None if it has to."""
     if one_of := _one_of(annotation):
         return one_of.default
     return next(iter(_variants(annotation)), None)
 
 
 def field_annotation(field: FieldInfo) -> Any:
-    """Return the annotation of a field with all that it says about kinds of blocks."""
+    """Return the annotation of a field, including its kinds of blocks."""
     return _split(_annotation_of(field))[0]
 
 
 def item_annotation(annotation: Any) -> Any:
-    """Return the annotation of the items of a list that belongs here; nothing where no list does."""
+    """Return the annotation of the items of a list; None if the annotation is not of a list."""
     return _split(_item_annotation(annotation))[0]
 
 
 def find_model(annotation: Any) -> type[BaseModel] | None:
-    """Return the model of the block that belongs here, if it is one block of one kind."""
+    """Return the model of the block here, if it is one block of one kind."""
     kind, _ = _split(annotation)
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
@@ -147,24 +152,21 @@ def _inner_slot(slot: SchemaNode, segment: Segment) -> SchemaNode | None:
     if (variant := _variant(slot.annotation, segment)) is not None:
         return SchemaNode(path=slot.path, key=slot.key, annotation=variant)
     models = [slot.model] if slot.model else (model for _, model in _iterate_variants(slot.annotation))
-    field = next((field for model in models if (field := _field_of(model, segment))), None)
+    fields = (item for model in models for item in model.model_fields.items())
+    field = next((field for name, field in fields if (field.alias or name) == segment), None)
     if field is None:
         return None
     annotation, constraints = _split(_annotation_of(field))
     return SchemaNode(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
 
 
-def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
-    return next((field for name, field in model.model_fields.items() if (field.alias or name) == key), None)
-
-
-# Pydantic takes an annotation apart; what says that a block is one of several kinds is then among the metadata.
+# Pydantic takes an annotation apart, and then has the `OneOf` of a block among the metadata.
 def _annotation_of(field: FieldInfo) -> Any:
     one_of = next((each for each in field.metadata if isinstance(each, OneOf)), None)
     return field.annotation if one_of is None else typing.Annotated[field.annotation, one_of]
 
 
-# Optional[X] and Annotated[X, ...] to X; a union of several kinds stays what it is.
+# Reduces Optional[X] and Annotated[X, ...] to X; a union of several kinds stays as it is.
 def _split(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
     constraints: tuple[Any, ...] = ()
     while True:
@@ -185,7 +187,7 @@ def _kinds_of_union(annotation: Any) -> list[Any]:
     return [kind for kind in typing.get_args(annotation) if kind is not types.NoneType]
 
 
-# What says that a block is one of several kinds, where other packages may add some.
+# The `OneOf` of a block of several kinds, to which other packages may add.
 def _one_of(annotation: Any) -> OneOf | None:
     if typing.get_origin(annotation) is not typing.Annotated:
         return None
@@ -197,13 +199,13 @@ def _variant(annotation: Any, kind: str) -> type[BaseModel] | None:
     return one_of.block_of(kind) if one_of and kind in one_of.names() else _variants(annotation).get(kind)
 
 
-# Those of other packages last: one is imported when its turn comes.
+# Those of other packages last, each imported at its turn.
 def _iterate_variants(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
     one_of = _one_of(annotation)
     yield from one_of.blocks() if one_of else _variants(annotation).items()
 
 
-# The models of a union by their tags: a block's `kind` says which of them it is.
+# Models of a union by their tags; the `kind` of a block selects one of them.
 def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
     if one_of := _one_of(annotation):
         return dict(one_of.own)
@@ -221,11 +223,11 @@ def _item_annotation(annotation: Any) -> Any:
     return typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else None
 
 
-# Of a block whose keys are names of the author's choice.
+# Annotation of the values of a block whose keys are names of the author's choice.
 def _value_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     key, value = typing.get_args(kind) if typing.get_origin(kind) is dict else (None, None)
-    # Where names have a form of their own, what is wrong with one is told of the block that has it.
+    # If names have a form of their own, the problem of a name is reported for its block.
     is_named = key is str or (key is not None and _split(key)[0] is str and find_model(value) is not None)
     return value if is_named and value is not Any else None
 
@@ -338,7 +340,7 @@ def list_settings(
 
     Args:
         block: The block's class.
-        kind: The kind, where several share the block: settings of the others are left out.
+        kind: The kind, if several share the block: settings of the others are left out.
         without: Keys to leave out.
     """
     belongs: Mapping[str, tuple[str, ...]] = block.belongs if issubclass(block, KindedSpec) else {}
@@ -353,19 +355,22 @@ def _settings(block: type[BaseModel], prefix: str) -> Iterator[SettingRow]:
         if inner is not None:
             yield from _settings(inner, f"{key}.")
             continue
-        yield SettingRow(key=key, unit=unit_text(name), default=default_text(field), meaning=_meaning(field))
+        words = list_words(field.annotation)
+        choice = f" ({', '.join(words)})" if len(words) > 1 else ""
+        meaning = f"{field.description or ''}{choice}".strip()
+        yield SettingRow(key=key, unit=unit_text(name), default=default_text(field), meaning=meaning)
 
 
 def unit_text(name: str) -> str:
-    """Return what a number under a key counts; empty where the key's name does not say it or only a part of it.
+    """Return the unit of a number under a key in words; empty if the key's name has none, or only a part of it.
 
-    An ending such as that of `hits_per_s_per_ppm` is a part of a unit only; the meaning says the rest.
+    An ending such as that of `hits_per_s_per_ppm` is only a part of a unit; the meaning has the rest.
     """
     return "" if "_per_" in name.removesuffix("_per_s") else unit_name(name)
 
 
 def default_text(field: FieldInfo) -> str:
-    """Return the default of a field as a scenario file has it, `required`, or in a word."""
+    """Return the default of a field in the notation of scenario files, `required`, or a word."""
     if field.default_factory is not None:
         return "see meaning"
     return "required" if field.default is PydanticUndefined else _shown(field.default)
@@ -387,21 +392,8 @@ def _shown(value: Any) -> str:
             return str(value)
 
 
-def _meaning(field: FieldInfo) -> str:
-    words = list_words(field.annotation)
-    choice = f" ({', '.join(words)})" if len(words) > 1 else ""
-    return f"{field.description or ''}{choice}".strip()
-
-
-MISSING = "missing"
-_UNKNOWN_KEY = "an unknown key"
-# Nobody reads more, and finding what each of them was meant to be takes its time.
-_MAX_PROBLEMS = 100
-_MAX_SHOWN = 60
-
-
 def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
-    """Return each problem of a validation once, at the deepest place that the models know."""
+    """Return each problem of a validation once, at the deepest place that the models define."""
     problems: dict[str, Problem] = {}
     if (n_more := error.error_count() - _MAX_PROBLEMS) > 0:
         found = f"{n_more} more than those that are told"
@@ -414,7 +406,7 @@ def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = 
     return [p for p in problems.values() if not (p.found == MISSING and p.where in suggested)]
 
 
-# A misspelled key is one problem, not two: the key that it stands for is then missing as well.
+# A misspelled key is one problem, not two: the key that was meant is missing as well.
 def _suggested_path(problem: Problem) -> str | None:
     match = re.match(r"Did you mean (\w+)\?", problem.remedy)
     return child_path(parent_path(problem.where), match[1]) if match and problem.found == _UNKNOWN_KEY else None
@@ -430,7 +422,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
             path = child_path(slot.path, context["key"]) if context["key"] else slot.path
             return Problem(where=path, expected=context["expected"], found=context["found"], remedy=context["remedy"])
         case "default_factory_not_called":
-            return None  # what the default depends on is wrong, and told
+            return None  # the default depends on a wrong value, which is reported
         case "extra_forbidden":
             return _unknown_key(location[:-1], str(location[-1]), value, root)
         case "missing" if isinstance(location[-1], int):
@@ -440,7 +432,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
             return _unknown_kind(slot, typing.cast("dict[str, Any]", value))
         case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
-            return None  # pydantic counts only the valid items; those that are not have their own problems
+            return None  # pydantic counts only valid items; the others have problems of their own
         case _:
             return _wrong_value(slot, value)
 
@@ -483,7 +475,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
 
 
-# A key that other kinds of the same block have.
+# Kinds of the same block that have the key.
 def _kinds_that_have(location: tuple[Segment, ...], key: str, root: type[BaseModel]) -> str:
     for end in range(len(location), 0, -1):
         annotation = find_schema_node(location[:end], root=root).annotation
@@ -502,7 +494,7 @@ def _unit_hint(key: str, meant: SchemaNode, value: Any) -> str:
 
 
 def format_value(value: Any) -> str:
-    """Return a value as people write it in YAML, shortened."""
+    """Return a value in the notation of YAML, shortened."""
     if value is None:
         return "nothing"
     if isinstance(value, float):
@@ -522,7 +514,9 @@ def _value_remedy(slot: SchemaNode, value: Any) -> str:
     if kind is bool:
         return "Write true or false." if isinstance(value, str | int) else ""
     if kind is str:
-        return _name_remedy(value) if slot.constraints else _text_remedy(value)
+        if slot.constraints:
+            return _name_remedy(value)
+        return f"Put it in quotes: '{format_value(value)}'." if isinstance(value, int | float) else ""
     item = _item_annotation(kind)
     if (find_model(item) or _variants(item)) and not isinstance(value, list):
         return "Begin each block with a dash."
@@ -550,7 +544,3 @@ def _name_remedy(value: Any) -> str:
     words = re.sub(r"[^a-z0-9]+", "_", str(value).lower()).strip("_")
     name = words if words[:1].isalpha() else f"n_{words}"
     return f"For example {name[:40]}." if words and isinstance(value, str) else ""
-
-
-def _text_remedy(value: Any) -> str:
-    return f"Put it in quotes: '{format_value(value)}'." if isinstance(value, int | float) else ""

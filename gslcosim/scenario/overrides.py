@@ -18,18 +18,22 @@ from gslcosim.scenario.problems import (
 )
 from gslcosim.scenario.serialization import YamlTree, read_yaml
 
-# The first word of a command is a path only with a slash, and the second where it is a script.
+# The first word of a command is a path only with a slash, and the second only if it is a script.
 _PYTHON = re.compile(r"agents\[\d+\]\.start\.python")
 _COMMAND = re.compile(r"agents\[\d+\]\.start\.command\[(\d+)\]")
+SET_OPTION = "--set"
+SEED_OPTION = "--seed"
+_PATH = re.compile(r"^[A-Za-z_]\w*(\[\d+\])*(\.[A-Za-z_]\w*(\[\d+\])*)*$")
+_SEGMENT = re.compile(r"[A-Za-z_]\w*|\d+")
 
 
 def make_paths_absolute(path: str, value: Any, directory: Path) -> Any:
     """Return a value with all relative paths in it made absolute.
 
     Args:
-        path: Where in the scenario the value goes.
+        path: Path of the value in the scenario.
         value: A plain value, or a block or list of them; not modified.
-        directory: Where relative paths start.
+        directory: Base of relative paths.
     """
     if isinstance(value, dict):
         return {
@@ -55,17 +59,10 @@ def _is_path(path: str, text: str) -> bool:
     return False
 
 
-SET_OPTION = "--set"
-SEED_OPTION = "--seed"
-
-_PATH = re.compile(r"^[A-Za-z_]\w*(\[\d+\])*(\.[A-Za-z_]\w*(\[\d+\])*)*$")
-_SEGMENT = re.compile(r"[A-Za-z_]\w*|\d+")
-
-
 def apply_overrides(
     tree: YamlTree, overrides: Sequence[str], *, seed: int | None = None, source: str = SET_OPTION
 ) -> YamlTree:
-    """Return the tree with values replaced, each marked with the option that gave it.
+    """Return the tree with values replaced, each marked with its option.
 
     An override that is not `path=value`, or whose path leads nowhere, becomes one of the tree's problems.
 
@@ -73,8 +70,7 @@ def apply_overrides(
         tree: The file's values; they are not modified.
         overrides: Texts like `agents[0].vehicle.hold_s=1`, values in YAML; later ones win.
         seed: Replaces the scenario's seed.
-        source: What problems with them are said to stand in. Relative paths of a `--set` start at the working
-            directory.
+        source: Location of the overrides in problems. Relative paths of a `--set` start at the working directory.
     """
     marks = TextLocations(tree.marks.root, dict(tree.marks.places))
     values = _copy(tree.values)

@@ -13,7 +13,7 @@ _MAX_SHOWN = 400
 
 @dataclass(frozen=True, kw_only=True)
 class TextLocation:
-    """Place where a value was written: a file with line and column, both from 1, or the option that gave it."""
+    """Place where a value was written: a file with line and column, both from 1, or an option."""
 
     source: str
     line: int | None = None
@@ -34,10 +34,11 @@ class LocatedProblem:
         problem = self.problem
         where = f"{self.place}: {_shortened(problem.where)}" if problem.where else f"{self.place}"
         remedy = f" {_shortened(problem.remedy)}" if problem.remedy else ""
-        return _in_one_line(f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}")
+        text = f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}"
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
     def as_fields(self) -> dict[str, str | int | None]:
-        """Return everything but the column, as JSON can carry it."""
+        """Return all fields but the column, for JSON."""
         problem = self.problem
         return {
             "source": self.place.source,
@@ -57,7 +58,7 @@ class TextLocations:
     places: dict[str, TextLocation] = field(default_factory=dict[str, TextLocation])
 
     def place_of(self, path: str) -> TextLocation:
-        """Return where the value at a path, or the nearest of its parents that has a mark, was written."""
+        """Return the place of the value at a path, or of the nearest of its parents that has a mark."""
         while path:
             if path in self.places:
                 return self.places[path]
@@ -66,7 +67,7 @@ class TextLocations:
 
 
 class ProblemsError(ScenarioError):
-    """Something is impossible for the reasons in `problems`, of which nobody knows yet where they were written."""
+    """Something is impossible for the reasons in `problems`, whose places in a file are not known yet."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -74,7 +75,7 @@ class ProblemsError(ScenarioError):
 
 
 class InvalidScenarioError(ScenarioError):
-    """A scenario has problems; the text lists all of them, one a line, in the order of the file."""
+    """A scenario has problems; the text lists all of them, one per line, in the order of the file."""
 
     def __init__(self, located: Sequence[LocatedProblem], *, name: str) -> None:
         self.problems = tuple(sorted(located, key=_reading_order))
@@ -108,17 +109,13 @@ def _shortened(text: str) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
-def _in_one_line(text: str) -> str:
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
 def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:
     line = located.place.line
     return (line is None, line or 0, located.problem.where, located.problem.expected)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that somebody most likely meant, or nothing when none is near."""
+    """Return the known word that was most likely meant, or None if none is near."""
     by_folded = {name.lower().replace("-", "_"): name for name in known}
     folded = word.lower().replace("-", "_").replace(" ", "_")
     if folded in by_folded:
@@ -128,7 +125,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def nearest_key(word: str, known: Iterable[str]) -> str | None:
-    """Return the key that somebody most likely meant: `hold` and `hold_ms` both mean `hold_s`."""
+    """Return the key that was most likely meant: `hold` and `hold_ms` both mean `hold_s`."""
     keys = list(known)
     stem = word.removesuffix(unit_suffix(word)).lower()
     for key in keys:

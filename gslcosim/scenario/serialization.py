@@ -1,7 +1,6 @@
 """YAML text as plain values with the place of each, and a resolved scenario back to YAML.
 
-This is the one way a scenario's text is read. Plain values follow YAML 1.2's core schema: see
-`gslcosim.base.yaml_core`.
+Every scenario's text is read here. Plain values follow YAML 1.2's core schema: see `gslcosim.base.yaml_core`.
 """
 
 from collections.abc import Iterable
@@ -33,9 +32,9 @@ from gslcosim.scenario.problems import (
     locate,
 )
 
-# Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
+# Aliases repeat their targets; a short file could otherwise unfold to billions of values.
 MAX_VALUES = 100_000
-# How deep lists and blocks may lie in each other; those of a scenario lie seven deep.
+# Depth to which lists and blocks may be nested; those of a scenario are seven deep.
 MAX_LEVELS = 32
 
 _KNOWNTAGS = ("map", "seq", "str", "null", "bool", "int", "float")
@@ -45,7 +44,7 @@ _KNOWNTAGS = ("map", "seq", "str", "null", "bool", "int", "float")
 class YamlTree:
     """The values of a file as dicts, lists and scalars, with the place where each was written.
 
-    `problems` are those of the text itself, such as a key that is there twice; `values` then holds the rest.
+    `problems` are those of the text itself, such as a repeated key; `values` then has the rest.
     """
 
     values: Any
@@ -54,7 +53,7 @@ class YamlTree:
 
     @property
     def block(self) -> dict[str, Any] | None:
-        """The values when they are a block with keys, as they should be."""
+        """The values if they are a block with keys, as they should be."""
         values: object = self.values
         return cast("dict[str, Any]", values) if isinstance(values, dict) else None
 
@@ -64,7 +63,7 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
 
     Args:
         text: One YAML document.
-        source: What the places name: the file as the user wrote it, or an option.
+        source: Name of the text in places: the file as the user wrote it, or an option.
         root_path: The path of the outermost value; empty for a file.
     """
     root = TextLocation(source=source, line=1, column=1)
@@ -82,13 +81,16 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
         problem = Problem(where="", expected=f"at most {MAX_VALUES} values", found="more")
         raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except yaml.YAMLError as error:
-        raise _syntax_error(error, text, source) from error
+        line, column, expected, found, remedy = _describe_syntax_error(error, text)
+        place = TextLocation(source=f"{source}:{line}:{column}")
+        located = LocatedProblem(place=place, problem=Problem(where="", expected=expected, found=found, remedy=remedy))
+        raise InvalidScenarioError([located], name=source) from error
     marks = TextLocations(root, reader.places)
     return YamlTree(values, marks, locate(reader.problems, marks))
 
 
 class _NodeReader:
-    """Turns nodes into values, remembers where they stood, and collects what is wrong with the text itself."""
+    """Turns nodes into values, and collects their places and the problems of the text itself."""
 
     def __init__(self, source: str) -> None:
         self.places: dict[str, TextLocation] = {}
@@ -162,13 +164,6 @@ class _NodeReader:
         return TextLocation(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
 
 
-def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:
-    line, column, expected, found, remedy = _describe_syntax_error(error, text)
-    place = TextLocation(source=f"{source}:{line}:{column}")
-    problem = Problem(where="", expected=expected, found=found, remedy=remedy)
-    return InvalidScenarioError([LocatedProblem(place=place, problem=problem)], name=source)
-
-
 def _describe_syntax_error(error: yaml.YAMLError, text: str) -> tuple[int, int, str, str, str]:
     if isinstance(error, yaml.reader.ReaderError):
         position = int(error.position)
@@ -189,10 +184,10 @@ def _describe_syntax_error(error: yaml.YAMLError, text: str) -> tuple[int, int, 
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes every text that YAML 1.1 or 1.2 would take for something else, and keeps short lists on one line."""
+    """Quotes every text that YAML 1.1 or 1.2 would read as another type, and keeps short lists on one line."""
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Write values that occur twice in full."""
+        """Write repeated values in full."""
         return True
 
 
@@ -220,16 +215,20 @@ def dump_values(values: Any) -> str:
 
 
 def plain_values(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as a file would hold it, with all defaults filled in: dicts, lists and scalars."""
+    """Return a scenario as in a file, with all defaults filled in: dicts, lists and scalars."""
     return _plain(scenario)
 
 
-# None is left out where it is the default anyway, and so is what means nothing with a block's kind.
+# None is left out where it is the default anyway, and so are keys without a meaning for a block's kind.
 def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
     if isinstance(value, BaseModel):
         left_out = {*useless, *(value.useless_keys() if isinstance(value, KindedSpec) else ())}
         return {
-            field.alias or name: _plain(getattr(value, name), _inside(name, left_out))
+            # Of paths such as `plume.meander_s` those inside `plume`, without this prefix.
+            field.alias or name: _plain(
+                getattr(value, name),
+                [path.removeprefix(f"{name}.") for path in left_out if path.startswith(f"{name}.")],
+            )
             for name, field in type(value).model_fields.items()
             if name not in left_out
             and (getattr(value, name) is not None or field.default not in (None, PydanticUndefined))
@@ -237,8 +236,3 @@ def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in cast("dict[str, Any]", value).items()}
     return [_plain(item) for item in cast("tuple[Any, ...]", value)] if isinstance(value, tuple) else value
-
-
-# Of paths such as `plume.meander_s` those inside `plume`, without it.
-def _inside(name: str, paths: Iterable[str]) -> list[str]:
-    return [path.removeprefix(f"{name}.") for path in paths if path.startswith(f"{name}.")]

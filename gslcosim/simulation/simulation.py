@@ -46,7 +46,7 @@ _Message = TypeVar("_Message", bound=Message)
 
 
 class Truth:
-    """Ground truth of a simulation now: for its caller, who organises the run, and never for agents.
+    """Ground truth of a simulation now: for its caller, which organises the run, and never for agents.
 
     `bodies` and `samples` are of the tick of the last step, or of the one that waits for a command.
     """
@@ -189,7 +189,7 @@ class Simulation:
 
     @property
     def is_over(self) -> bool:
-        """True when the run has ended, by its verdict or by `close`; `outcome` then says how."""
+        """True when the run has ended, by its verdict or by `close`; `outcome` then has the reason."""
         return self._is_over
 
     @property
@@ -462,7 +462,7 @@ class Simulation:
     def _check_paused(self, action: str) -> None:
         if self.is_playing:
             raise UsageError(f"{action}: expected a paused simulation, was playing. Call pause first.")
-        # What ended the playing is raised here at the latest.
+        # The error that ended the playing is raised here at the latest.
         self.pause()
 
     def _describe_end(self) -> str:

@@ -17,7 +17,7 @@ SENSOR_STATES_KEY = "sensor_states"
 INTERNAL_KEYS = frozenset({CONDUCT_KEY, SENSOR_STATES_KEY})
 """Keys that `result.json` does not have: findings are made of them."""
 
-# What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
+# A TGS2600 responds to ethanol from 0.2986 ppm on, (air / A)^(1/B) of its power law: the weakest gas that
 # any of the sensors' models distinguishes from clean air.
 GAS_CONTACT_PPM = 0.3
 

@@ -32,7 +32,7 @@ class Finding:
         about: Its subject, which is its key in `result.json`.
         severity: `ok`; `note`: to be known when the figure is compared; `warning`: to be explained in a paper.
         text: A sentence.
-        remedy: What to do about it, a sentence; empty where nothing is wrong.
+        remedy: Its remedy, a sentence; empty if nothing is wrong.
         figures: The numbers behind it by stable keys.
     """
 

@@ -60,7 +60,7 @@ class RotorParameters:
     """Rotors and drag of a vehicle.
 
     `rotor_places_m` are the centres of the n rotors, body frame [m]; each pushes along body z.
-    `rotor_directions` says for each how it turns seen from above: 1 counter-clockwise, -1 clockwise.
+    `rotor_directions` has the turn of each seen from above: 1 counter-clockwise, -1 clockwise.
     """
 
     rotor_places_m: tuple[Vec3, ...]
@@ -153,7 +153,7 @@ Drawing = RotorDrawing | WheelDrawing
 class Vehicle:
     """A vehicle as it stands in its folder; meaning and origin of each number are in the folder's `parameters.yaml`.
 
-    A `multirotor` has `rotors`, and `control` says how it is held in the air. A `holonomic` one has `control` alone: it
+    A `multirotor` has `rotors`, and `control` holds it in the air. A `holonomic` one has `control` alone: it
     is moved by any force and does not feel the air. One on `wheels` drives. `drawing` is absent for a ball.
     """
 
@@ -284,7 +284,7 @@ def _as_map(value: Any) -> dict[str, Any]:
     return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
 
 
-# A number, or a tuple of numbers or of tuples, as the field's type says; nothing where the value is something else.
+# A number, or a tuple of numbers or of tuples, as the field's type requires; None if the value is something else.
 def _parse_numbers(type_: Any, value: Any) -> Any:
     if type_ is float:
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -342,8 +342,8 @@ def is_vehicle(name: str) -> bool:
 def get_vehicle(name: str) -> Vehicle:
     """Return the facts of a vehicle.
 
-    A package offers a vehicle by an entry point of the group `gslcosim.vehicles`; it is imported here, when somebody
-    asks for the vehicle, and not before. gslcosim's own vehicles cannot be replaced.
+    A package offers a vehicle by an entry point of the group `gslcosim.vehicles`; it is imported here, at the first
+    request for the vehicle. gslcosim's own vehicles cannot be replaced.
 
     Raises:
         VehicleError: there is none, or its folder is not what it should be.

@@ -1,1 +1,1 @@
-"""Checks of the files that a user writes: one registry, which validate, up, bench and train run alike."""
+"""Checks of the files that a user writes: one registry for validate, up, bench and train."""

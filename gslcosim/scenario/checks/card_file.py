@@ -25,9 +25,9 @@ def validate_card(path: str, seed: int | None) -> ValidFile:
 
 
 def check_card_file(path: Path) -> MethodCard:
-    """Return the card of a file that has no problems, nor has what stands beside it.
+    """Return the card of a file, if neither the file nor its neighbours have problems.
 
-    Agents and runs read cards with `gslcosim.methods.card.load_card`, which knows no lines.
+    Agents and runs read cards with `gslcosim.methods.card.load_card`, without line numbers.
     """
     text = read_text(path, shown_path=str(path))
     tree = read_yaml(text, source=str(path))

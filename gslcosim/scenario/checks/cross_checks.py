@@ -37,28 +37,31 @@ MAX_NUMBER = 1e15
 MAX_DURATION_S = 1e9
 """Longer than any run; ticks of it still fit into 64 bits of nanoseconds."""
 
+_DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
+_USUAL_VEHICLE = "iris"
+TO_ALL = "all"
+# Durations of sensors that have to be whole ticks, in blocks that have them.
+_SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
+
 
 def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
-    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given."""
+    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply their inputs."""
     if isinstance(values, dict):
         for key, value in cast("dict[str, object]", values).items():
-            # What an agent's parameters mean is the agent's.
+            # An agent's parameters have a meaning for the agent alone.
             if key != "parameters":
                 yield from find_numbers_too_large(value, child_path(path, key))
     elif isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
             yield from find_numbers_too_large(value, child_path(path, i))
     elif isinstance(values, int | float) and MAX_NUMBER < abs(values) < math.inf:
-        yield Problem(where=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
-
-
-def _shown_number(number: float) -> str:
-    """Return a number in a few characters."""
-    return f"{number:g}" if isinstance(number, float) else f"a whole number of {len(str(abs(number)))} digits"
+        is_real = isinstance(values, float)
+        found = f"{values:g}" if is_real else f"a whole number of {len(str(abs(values)))} digits"
+        yield Problem(where=path, expected=f"a number of at most {MAX_NUMBER:g}", found=found)
 
 
 def find_partial_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
-    """Yield a problem where a duration [s], if it is one, is no whole number of ticks."""
+    """Yield a problem if a duration [s] is given and is not a whole number of ticks."""
     if duration_s is None or not duration_s > 0:
         return
     if duration_s > MAX_DURATION_S:
@@ -83,7 +86,7 @@ def is_whole(duration_s: float, part_ns: int) -> bool:
 
 
 def block_in(values: dict[str, Any], *keys: str) -> dict[str, Any]:
-    """Return the block at a path of keys, an empty one where none is."""
+    """Return the block at a path of keys; an empty one if there is none."""
     for key in keys:
         inner = values.get(key)
         values = cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
@@ -91,7 +94,7 @@ def block_in(values: dict[str, Any], *keys: str) -> dict[str, Any]:
 
 
 def blocks_in(values: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
-    """Return the blocks of a list with their places in it; what is no block is left out."""
+    """Return the blocks of a list with their indices; other items are left out."""
     items = values.get(key)
     if not isinstance(items, list):
         return []
@@ -99,7 +102,7 @@ def blocks_in(values: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any
 
 
 def words_in(value: Any) -> tuple[str, ...]:
-    """Return the texts of a list, nothing where it is no list of texts."""
+    """Return the texts of a list; nothing if it is not a list of texts."""
     if not isinstance(value, list):
         return ()
     words = cast("list[Any]", value)
@@ -107,12 +110,12 @@ def words_in(value: Any) -> tuple[str, ...]:
 
 
 def number_in(block: dict[str, Any], key: str, model: type[Spec]) -> float | None:
-    """Return the number of a key, its default where it is absent, nothing where it is no number."""
+    """Return the number at a key, its default if absent, or None if it is not a number."""
     return _real(block[key] if key in block else model.model_fields[key].default)
 
 
 def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Problem:
-    """Return the problem of a name that is none of the known ones."""
+    """Return the problem of a name that is not among the known ones."""
     return Problem(
         where=path,
         expected=f"one of {', '.join(known[:-1])} or {known[-1]}",
@@ -121,12 +124,8 @@ def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Pr
     )
 
 
-_DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
-_USUAL_VEHICLE = "iris"
-
-
 def find_event_problems(values: dict[str, Any]) -> Iterator[Problem]:
-    """Yield what is wrong between a scenario's events and the rest of its plain values."""
+    """Yield the conflicts between a scenario's events and the rest of its plain values."""
     yield from _wrong_doors(values)
     for i, event in blocks_in(values, "events"):
         path = f"events[{i}]"
@@ -162,7 +161,7 @@ def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> I
             yield _not_there(place, "agent", agent, names)
 
 
-# Which names a program writes is known in the run only, but where its block says so.
+# The names that a program writes are known only in the run, unless its block lists them.
 def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     owners = _named(values, "participants")
     owner, value = trigger.get("participant"), trigger.get("value")
@@ -203,7 +202,7 @@ def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:
         )
 
 
-# Another inlet makes another wind only where the wind is made here.
+# Another inlet makes another wind only if the wind is solved here.
 def _wrong_wind(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     yield from _deaf_gas(values, path, "the wind")
     if event.get("inlet_velocity_m_s") is not None and _has_stored_wind(values):
@@ -221,7 +220,7 @@ def _has_stored_wind(values: dict[str, Any]) -> bool:
     return isinstance(solver, dict) or solver == "stored" or "path" in environment or comes_with_room
 
 
-# With a door the wind is another, so it has to be made here.
+# A door changes the wind, so it has to be solved here.
 def _wrong_doors(values: dict[str, Any]) -> Iterator[Problem]:
     if blocks_in(block_in(values, "environment"), "doors") and _has_stored_wind(values):
         yield Problem(
@@ -244,7 +243,7 @@ def _wrong_door(event: dict[str, Any], values: dict[str, Any], path: str) -> Ite
     own = [each for _, each in blocks_in(values, "events") if each.get("door") == name]
     times = {id(each): at_s for each in own if (at_s := _real(each.get("at_s"))) is not None}
     if len(times) < len(own):
-        return  # which comes first is known in the run only
+        return  # their order is known only in the run
     in_order = sorted(own, key=lambda each: times[id(each)])
     last = in_order[: next(i for i, each in enumerate(in_order) if each is event)][-1:]
     is_open = last[0].get("what") == "door_opens" if last else doors[name].get("is_open", False)
@@ -342,7 +341,7 @@ def _wrong_channel(event: dict[str, Any], values: dict[str, Any], path: str) -> 
         yield _not_there(f"{path}.channel", "channel", name, channels)
 
 
-# What an event breaks, by the beginning of its name.
+# Rules of an event, by the beginning of its name.
 _EVENT_RULES: dict[str, Callable[[dict[str, Any], dict[str, Any], str], Iterator[Problem]]] = {
     "source_": _wrong_source,
     "wind_changes": _wrong_wind,
@@ -370,15 +369,10 @@ def _real(value: Any) -> float | None:
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-TO_ALL = "all"
-# What sensors count in ticks, where they have it.
-_SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
-
-
 def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Problem]:
     """Return the problems of plain values that no single block shows.
 
-    Values of a wrong kind are passed over: the models complain about them.
+    Values of a wrong kind are skipped: the models report them.
     """
     return [
         *_repeated_names(values),
@@ -420,7 +414,7 @@ def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Pr
         first.setdefault(name, place)
 
 
-# An agent that flies in another's process needs one that has a process of its own.
+# An agent in another's process needs one with a process of its own.
 def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
     agents = blocks_in(values, "agents")
     own = [
@@ -448,7 +442,7 @@ def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
         yield from _deaf_members(i, [agents[name] for name in dict.fromkeys(members) if name in agents])
 
 
-# What a channel brings comes with any observation, not only with those that ask for a command.
+# The messages of a channel come with any observation, not only with those that await a command.
 def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Problem]:
     if len(members) == 1:
         yield Problem(
@@ -487,14 +481,10 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
             problem = find_command_problem(words, directory=directory, path=f"{path}.command")
         if problem:
             yield problem
-        yield from _missing_registered_files(start, f"{key}[].start", path, directory)
-
-
-def _missing_registered_files(block: dict[str, Any], place: str, path: str, directory: Path) -> Iterator[Problem]:
-    for key in list_scenario_keys(place):
-        text = block.get(key.name)
-        if key.file and isinstance(text, str) and not (file := _place(directory, text)).is_file():
-            yield _missing(f"{path}.{key.name}", key.file, text, f"file {file}")
+        for added in list_scenario_keys(f"{key}[].start"):
+            text = start.get(added.name)
+            if added.file and isinstance(text, str) and not (file := _place(directory, text)).is_file():
+                yield _missing(f"{path}.{added.name}", added.file, text, f"file {file}")
 
 
 def _missing_inputs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
@@ -505,7 +495,7 @@ def _missing_inputs(values: dict[str, Any], directory: Path) -> Iterator[Problem
                 is_there, what = path.is_dir(), "folder but a file" if path.exists() else "folder"
             case "file":
                 is_there = path.is_file()
-            # A series of files is named by its common beginning, so only the folder is sure to be there.
+            # A series of files is named by its common beginning, so only the folder is certain to exist.
             case "series":
                 path, what = path.parent, "folder"
                 is_there = path.is_dir()
@@ -548,7 +538,7 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
                 yield replace(problem, remedy=f"A {sensor} is no MOX sensor.") if is_other else problem
 
 
-# What is estimated from a MOX sensor's reading is reported under the sensor's name with an ending.
+# The estimate from a MOX sensor's reading has the sensor's name with an ending.
 def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
     for i, agent in blocks_in(values, "agents"):
         sensors = blocks_in(agent, "sensors")
@@ -591,7 +581,7 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     yield from _broken_gas_times(number_in(gas, "step_s", GasSpec), number_in(gas, "warm_up_s", GasSpec), tick_ns)
 
 
-# Without a clock there is no saying when something came.
+# Without a clock, arrivals have no time.
 def _unpaced(values: dict[str, Any]) -> Iterator[Problem]:
     if values.get("pace") is not None:
         return
@@ -605,7 +595,7 @@ def _unpaced(values: dict[str, Any]) -> Iterator[Problem]:
             )
 
 
-# The fields core steps its gas a whole number of times a tick, or every whole number of ticks.
+# The fields core steps its gas a whole number of times per tick, or once in a whole number of ticks.
 def _broken_gas_times(step_s: float | None, warm_up_s: float | None, tick_ns: int) -> Iterator[Problem]:
     if step_s is None or step_s <= 0:
         return

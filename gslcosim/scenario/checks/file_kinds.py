@@ -1,4 +1,4 @@
-"""Kinds of files that a user writes, recognised by what a file says of itself, else by its name."""
+"""Kinds of files that a user writes, recognised by the schema in the file, else by its name."""
 
 import re
 from pathlib import Path
@@ -14,16 +14,16 @@ _MAX_BYTES = 2_000_000
 
 
 def find_file_kind(source: str) -> tuple[FileKind, str]:
-    """Return what kind of file a path or the name of something bundled stands for, and where it is.
+    """Return the kind and the location of a file given by its path or by the name of a bundled one.
 
-    What is neither recognised nor there is taken for a scenario, whose loader says what is wrong.
-    A bundled scenario comes before another bundled file of its name.
+    A file that is neither recognised nor found counts as a scenario, whose loader reports the problem. A bundled
+    scenario precedes another bundled file of its name.
 
     Args:
         source: A file, a folder with a file of a kind's usual name, or a bundled name.
 
     Returns:
-        The kind, and the file; the source itself where its own loader finds it by name.
+        The kind, and the file; the source itself if its own loader finds it by name.
     """
     scenario, *others = list_file_kinds()
     path = Path(source)
@@ -51,8 +51,8 @@ def _find_kind_of(path: Path, kinds: tuple[FileKind, ...]) -> FileKind:
         return kind
     if remedy := find_remedy("files", word):
         raise UsageError(f"{path}: expected a kind of file that is installed, was gslcosim/{word}. {remedy}")
-    return next((kind for kind in kinds[1:] if _has_usual_name(path, kind)), kinds[0])
-
-
-def _has_usual_name(path: Path, kind: FileKind) -> bool:
-    return path.name.endswith(kind.ending) if kind.ending.startswith(".") else path.name == kind.ending
+    scenario, *others = kinds
+    for kind in others:
+        if path.name == kind.ending or (kind.ending.startswith(".") and path.name.endswith(kind.ending)):
+            return kind
+    return scenario

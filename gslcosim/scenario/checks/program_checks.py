@@ -1,4 +1,4 @@
-"""Program checks: whether the programs of agents and participants are there, and are Python where they should be."""
+"""Program checks: whether the programs of agents and participants exist, and whether Python files can be parsed."""
 
 import ast
 import os
@@ -19,26 +19,26 @@ from gslcosim.methods.card import MethodCard
 from gslcosim.scenario.problems import child_path, did_you_mean
 
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
-"""Endings by which the second word of a command is known as a file."""
+"""Endings by which the second word of a command is recognised as a file."""
 
-# Keys of a scenario whose texts are files or folders, alone or in a list.
+# Keys of a scenario whose texts, alone or in a list, name files or folders.
 _PATH_KEYS = ("python", "command", "may_read", "may_write")
-# Linux's limits, with room for the folder that comes before.
+# Linux's limits, less room for the folder in front.
 _MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
-# The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.
+# First bytes of a program of Linux, and those with its kind of processor; some processors run another kind too.
 _ELF, _MACHINE_AT = b"\x7fELF", slice(18, 20)
 _ALSO = {b"\x3e\x00": b"\x03\x00", b"\xb7\x00": b"\x28\x00"}
-# Where other kinds of files are given to interpreters of their own.
+# Folder with the registered interpreters of other kinds of files.
 _TAKEN_ON = Path("/proc/sys/fs/binfmt_misc")
 _EXECUTABLE_BITS = 0o111
-# Linux reads no more of it.
+# Linux reads no more of a first line.
 _MAX_FIRST_LINE_BYTES = 256
 
 
 def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
-    """Yield the problem of each text of a scenario's plain values that stands for a path and can be none.
+    """Yield the problem of each path in a scenario's plain values that no file can have.
 
-    Whoever looks for such a file gets an error from the system in place of a no.
+    A search for such a file raises an error of the system instead of finding none.
     """
     if isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
@@ -48,7 +48,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
     for key, value in cast("dict[str, object]", values).items():
         place = child_path(path, key)
         if key not in _PATH_KEYS and key not in list_file_keys():
-            # What an agent's parameters mean is the agent's.
+            # An agent's parameters have a meaning for the agent alone.
             if key != "parameters":
                 yield from find_unusable_paths(value, place)
             continue
@@ -79,7 +79,7 @@ def _why_no_path(text: str, *, is_argument: bool) -> str:
 
 
 def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
-    """Return what is wrong with `start.python`, or nothing when the agent's file is there and is Python."""
+    """Return the problem of `start.python`, or None if the agent's file exists and is Python."""
     file = (directory / name_or_file).resolve()
     if file.is_file():
         return _find_syntax_problem(file, name_or_file, path) or _find_absent_import(file, name_or_file, path)
@@ -98,7 +98,7 @@ def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Pro
 
 
 def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str) -> Problem | None:
-    """Return what is wrong with `start.command`, or nothing when its program, and script if it names one, are there.
+    """Return the problem of `start.command`, or None if its program, and the script that it may name, exist.
 
     Args:
         command: Program and arguments; a program with a slash is relative to `directory`, others are on the PATH.
@@ -135,13 +135,13 @@ def find_neighbour_problems(card: MethodCard, directory: Path) -> Iterator[Probl
             yield problem
 
 
-# A script names its interpreter in its first line; the system says only "no such file" where that is missing.
+# A script names its interpreter in its first line; without it the system reports only "no such file".
 def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str) -> Problem | None:
     try:
         with file.open("rb") as program:
             line = program.readline(_MAX_FIRST_LINE_BYTES)
     except OSError:
-        return None  # what may be executed need not be readable
+        return None  # an executable file need not be readable
     if not line.startswith(b"#!"):
         return _problem_of_format(file, line, place, found)
     words = line[2:].strip(b" \t\n").decode(errors="replace").split()
@@ -165,7 +165,7 @@ def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str)
     return Problem(where=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
 
 
-# What the system says it cannot execute, which is known from the first bytes where no other program has taken them on.
+# Programs that the system cannot execute, by their first bytes, unless interpreters of other kinds are registered.
 def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> Problem | None:
     if sys.platform != "linux" or {*_names_in(_TAKEN_ON)} - {"register", "status"}:
         return None
@@ -175,7 +175,8 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
             where=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
         )
     kind = beginning[_MACHINE_AT]
-    own = _machine_of_this()
+    with Path("/proc/self/exe").open("rb") as program:
+        own = program.read(_MACHINE_AT.stop)[_MACHINE_AT]
     if kind == own or kind == _ALSO.get(own):
         return None
     return Problem(
@@ -184,11 +185,6 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
         found=found,
         remedy=f"{file} was built for another one: build it here.",
     )
-
-
-def _machine_of_this() -> bytes:
-    with Path("/proc/self/exe").open("rb") as program:
-        return program.read(_MACHINE_AT.stop)[_MACHINE_AT]
 
 
 def _names_in(folder: Path) -> list[str]:
@@ -203,16 +199,13 @@ def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> 
     if not script.endswith(SCRIPT_ENDINGS):
         return None
     if (file := (directory / script).resolve()).is_file():
-        is_for_this_python = script.endswith(".py") and _is_this_python(program, directory)
-        return _find_syntax_problem(file, script, child_path(path, 1)) if is_for_this_python else None
+        found = shutil.which(program) if "/" not in program else str(directory / program)
+        # Other versions of Python have other grammars.
+        is_this_python = found is not None and Path(found).resolve() == Path(sys.executable).resolve()
+        is_parsed = script.endswith(".py") and is_this_python
+        return _find_syntax_problem(file, script, child_path(path, 1)) if is_parsed else None
     remedy = f"There is no {(directory / script).resolve()}."
     return Problem(where=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)
-
-
-# Other versions of Python have another grammar.
-def _is_this_python(program: str, directory: Path) -> bool:
-    found = shutil.which(program) if "/" not in program else str(directory / program)
-    return found is not None and Path(found).resolve() == Path(sys.executable).resolve()
 
 
 def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
@@ -220,7 +213,7 @@ def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
         stat = file.stat()
         found = _describe_syntax_error(file, stat.st_mtime_ns, stat.st_size)
     except OSError:
-        return None  # what may not be read by a person may be by the agent's process
+        return None  # the agent's process may be allowed to read what the user is not
     if not found:
         return None
     return Problem(where=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)

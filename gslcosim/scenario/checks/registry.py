@@ -1,11 +1,10 @@
-"""Registry of checks and kinds of files: what each is for, when it is needed, and the function that finds the problems.
+"""Registry of checks and kinds of files: the subject of each, its condition, and the function that finds the problems.
 
-Every command takes its checks from here, so that none of them sees less than another. Extensions add kinds of files
-with their checks, and checks of scenarios, by entry points in `gslcosim.checks`.
-What a check computes belongs to the package that knows about it; it is imported when the check is run, since most
-scenarios need none of what is slow to import.
-Problems of a scenario's plain values, of which no valid scenario can be made, are found by the loader itself
-(`cross_checks`, `program_checks`), whoever loads it.
+Every command takes its checks from here, so that none of them has fewer than another. Extensions add kinds of files
+with their checks, and checks of scenarios, by entry points in `gslcosim.checks`. The computation of a check is in the
+package of its subject, and is imported when the check runs, since most scenarios need none of the slow imports.
+Problems of a scenario's plain values that rule out any valid scenario are found by the loader itself (`cross_checks`,
+`program_checks`), for every caller.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,6 +24,9 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 Subject = Literal["room", "agents", "services", "machine"]
 SUBJECTS: tuple[Subject, ...] = ("room", "agents", "services", "machine")
 SCENARIO = "scenario"
+# Entry points with an extension's checks of scenarios are named `scenario.NAME`; one with a kind of file has the kind's
+# name.
+_OF_SCENARIOS = f"{SCENARIO}."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,16 +34,16 @@ class Check:
     """One check of a kind of file.
 
     Attributes:
-        name: What errors of the registry and tests call it.
-        of: The name of the kind of file that it is for.
-        finder: `module:function`; the function takes what the file holds (a `Scenario`, a `MethodCard`, or what an
-            extension loads) and the file's folder, and returns the problems.
-        subject: Of a scenario: the room with what is in the air, the agents, the services, or this machine.
-        is_needed: Whether content needs the check at all; asked before anything is imported.
-        is_part_of_preparation: Whether the preparation of a run reads the same files and says the same, so that only
-            who prepares nothing runs it.
-        is_warning: Whether what it finds is no reason to refuse the file: `validate` says it, and the validity of a run
-            where it concerns the result.
+        name: Its name in errors of the registry and in tests.
+        of: Name of the kind of file that it checks.
+        finder: `module:function`; the function takes the file's content (a `Scenario`, a `MethodCard`, or an
+            extension's own type) and folder, and returns the problems.
+        subject: For scenarios: the room with its air, the agents, the services, or this machine.
+        is_needed: Whether the content needs the check at all; evaluated before any import.
+        is_part_of_preparation: Whether the preparation of a run reads the same files and reports the same problems, so
+            that only commands without preparation run the check.
+        is_warning: Whether its findings are no reason to refuse the file: `validate` prints them, and the
+            validity of a run has those that concern its result.
     """
 
     name: str
@@ -53,7 +55,7 @@ class Check:
     is_warning: bool = False
 
     def find(self, content: Any, directory: Path) -> Iterable[Problem]:
-        """Return the problems of what a file holds."""
+        """Return the problems of a file's content."""
         if not self.is_needed(content):
             return ()
         return import_function(self.finder)(content, directory)
@@ -79,9 +81,9 @@ class FileKind:
 
     Attributes:
         name: The word in its `schema`: `suite` of `gslcosim/suite/1`.
-        words: What sentences call it: `method card`.
-        ending: Its usual name, or how it ends, such as `.train.yaml`.
-        list_bundled: Returns the bundled ones by name.
+        words: Its name in sentences: `method card`.
+        ending: Its usual name, or the end of it, such as `.train.yaml`.
+        list_bundled: Returns the bundled files by name.
         validator: `module:function`; the function takes a path and a seed or None, and returns a `ValidFile` or raises
             `ScenarioError`. Empty for scenarios, which `gslcosim validate` loads with the changes of its options.
         has_seed: Whether the validator takes a seed in place of the file's.
@@ -108,7 +110,7 @@ def _makes_demands(scenario: Scenario) -> bool:
 
 def _has_stored_wind(scenario: Scenario) -> bool:
     if scenario.environment.path is not None:
-        return False  # its wind is in it, and `scenario.wind` has no meaning
+        return False  # its wind is in that folder, and `scenario.wind` has no meaning
     is_from_folder = scenario.environment.folder_key is not None and scenario.wind.solver in ("auto", "stored")
     return scenario.wind.file is not None or is_from_folder
 
@@ -199,9 +201,6 @@ _OWN_KINDS = (
         ),
     ),
 )
-# Entry points of checks that an extension adds to those of scenarios are named `scenario.NAME`; those of a kind of file
-# have its name.
-_OF_SCENARIOS = f"{SCENARIO}."
 
 
 def list_file_kinds() -> tuple[FileKind, ...]:
@@ -214,7 +213,7 @@ def list_file_kinds() -> tuple[FileKind, ...]:
 
 @cache
 def find_kind(name: str) -> FileKind | None:
-    """Return the kind of file of a name, or None where nothing that is installed has it."""
+    """Return the kind of file of a name, or None if no installed package has it."""
     if own := next((kind for kind in _OWN_KINDS if kind.name == name), None):
         return own
     if name.startswith(_OF_SCENARIOS):
@@ -240,13 +239,13 @@ def list_scenario_checks(
     processes: Processes | None = None,
     prepares_run: bool = True,
 ) -> tuple[Callable[[Scenario, Path], Iterable[Problem]], ...]:
-    """Return the checks of scenarios in the order of the registry, as `load_scenario` takes them.
+    """Return the checks of scenarios in the order of the registry, in the form for `load_scenario`.
 
     Args:
-        subjects: Those wanted; none means all.
-        without: Names of checks that are not for this machine.
-        processes: How the run is spread over processes, where the caller says otherwise than the scenario.
-        prepares_run: Whether a run is prepared right after, which then finds what is part of preparation.
+        subjects: Subjects to check; none means all.
+        without: Names of checks that do not apply to this machine.
+        processes: Distribution of the run over processes, in place of the scenario's own.
+        prepares_run: Whether the preparation of a run follows, and with it the checks that are part of preparation.
     """
     chosen = [
         check
@@ -265,13 +264,13 @@ def list_scenario_checks(
 
 
 def find_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
-    """Return what is to be known of a valid scenario before it is run."""
+    """Return the warnings about a valid scenario before its run."""
     warnings = (check for check in list_checks(SCENARIO) if check.is_warning)
     return [problem for check in warnings for problem in check.find(scenario, directory)]
 
 
 def find_problems(of: str, content: Any, directory: Path) -> Iterator[Problem]:
-    """Yield the problems that all checks of a kind of file find."""
+    """Yield the problems found by all checks of a kind of file."""
     for check in list_checks(of):
         if not check.is_warning:
             yield from check.find(content, directory)

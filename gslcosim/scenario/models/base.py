@@ -62,25 +62,25 @@ def with_registered_keys(place: str) -> Callable[[type[AnySpec]], type[AnySpec]]
     return add_keys
 
 
-# Told apart by identity: annotations are hashed.
+# Compared by identity: annotations are hashed.
 @dataclass(frozen=True, eq=False)
 class OneOf:
-    """Says of an annotation that its block is one of several kinds, distinguished by the key `tag_key`.
+    """Annotation of a block that is one of several kinds, distinguished by the key `tag_key`.
 
-    It stands in `Annotated[Base, OneOf(...)]`. A block is validated as its kind; the places of problems have the kind
-    between the block and its key, as those of pydantic's own tagged unions have.
+    It is part of `Annotated[Base, OneOf(...)]`. A block is validated as its kind; places of problems have the kind
+    between the block and its key, like those of pydantic's own tagged unions.
 
     Attributes:
         tag_key: The key that names the kind, for example `model`.
-        base: What all blocks derive from; a package's narrows `tag_key` to its name as default.
-        own: The block of each kind that gslcosim has; several kinds may have the same.
-        offers: The kinds of other packages, where they may bring some; gslcosim's cannot be replaced.
-        default: The kind of a block that does not say it; absent: it has to.
-        part: The attribute of the offered object that is the block, beside its `name`; absent: the object is the
-            block itself.
-        unknown: What is expected in place of an unknown kind; absent: the kinds that there are.
-        form: A kind for values of `tag_key` that are blocks, and how they are written: `("file", "{file: PATH}")`.
-        descriptions: What each of gslcosim's kinds is, where several have the same block.
+        base: Base class of all blocks; a block of a package narrows `tag_key` to its name as default.
+        own: gslcosim's block of each kind; several kinds may have the same.
+        offers: Kinds of other packages, if they may add some; none can replace gslcosim's own.
+        default: Kind of a block that does not name one; absent: it has to.
+        part: Attribute of the offered object that is the block, beside its `name`; absent: the object itself is the
+            block.
+        unknown: Expected value in the error of an unknown kind; absent: the known kinds.
+        form: Kind for values of `tag_key` that are blocks, and their notation: `("file", "{file: PATH}")`.
+        descriptions: Description of each of gslcosim's kinds, if several have the same block.
     """
 
     tag_key: str
@@ -100,7 +100,7 @@ class OneOf:
         return (*written, *(name for name in offered if name not in self.own))
 
     def block_of(self, kind: object) -> type[Spec] | None:
-        """Return the block of a kind, or nothing where there is no such kind."""
+        """Return the block of a kind, or None if there is no such kind."""
         if not isinstance(kind, str):
             return None
         offered = self.offers.find_values(kind) if self.offers is not None else ()
@@ -114,9 +114,9 @@ class OneOf:
         return self.offers.loaded(kind, lambda offered: self._block_in(offered, kind), what)
 
     def blocks(self) -> Iterator[tuple[str, type[Spec]]]:
-        """Yield each kind with its block, those of other packages last; a package is imported when its turn comes.
+        """Yield each kind with its block; those of other packages last, each imported at its turn.
 
-        Packages that cannot be used are left out: who names their kinds learns why.
+        Unusable packages are left out: a file that names one of their kinds gets the reason.
         """
         yield from self.own.items()
         for kind in self.offers.names() if self.offers else ():
@@ -163,7 +163,7 @@ class OneOf:
         if block is None:
             raise _refused([self._unknown_kind(kind, values)])
         try:
-            # Strict as scenario files are; JSON, because strict models take its lists as tuples.
+            # Strict like scenario files; JSON, because strict models accept its lists as tuples.
             if info.mode == "json":
                 return block.model_validate_json(json.dumps(values), strict=True)
             return block.model_validate(values)
@@ -198,10 +198,10 @@ def _refused(details: list[InitErrorDetails]) -> ValidationError:
 
 
 class KindedSpec(Spec):
-    """A block of which some keys belong to some of its kinds only: with others they are errors, and are not dumped.
+    """A block in which some keys belong to some kinds only: in others they are errors, and are not dumped.
 
-    `tag_key` is the key that names the kind. `belongs` says which kinds a key belongs to, for those that do not belong
-    to all; a key inside a block of the block is written `plume.meander_s`.
+    `tag_key` is the key that names the kind. `belongs` has the kinds of each key that does not belong to all; a key
+    inside a block of the block is written `plume.meander_s`.
     """
 
     tag_key: ClassVar[str] = "kind"
@@ -213,7 +213,7 @@ class KindedSpec(Spec):
         return str(getattr(self, self.tag_key))
 
     def useless_keys(self) -> dict[str, str]:
-        """Return the keys that mean nothing in this block, each with where it belongs: `model: farrell`."""
+        """Return the keys without a meaning in this block, each with its home: `model: farrell`."""
         return {
             key: f"{self.tag_key}: {', '.join(kinds)}"
             for key, kinds in self.belongs.items()
@@ -234,7 +234,7 @@ class KindedSpec(Spec):
         return self
 
 
-# `null` is what an absent key means.
+# `null` has the meaning of an absent key.
 def _is_given(block: BaseModel, key: str) -> bool:
     first, _, rest = key.partition(".")
     inner = getattr(block, first)

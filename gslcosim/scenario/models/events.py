@@ -1,4 +1,4 @@
-"""Events of a scenario: a block for each thing that may happen, at a time or upon a condition."""
+"""Events of a scenario: a block for each kind, at a time or upon a condition."""
 
 import re
 from typing import Annotated, ClassVar, Literal, Self
@@ -11,7 +11,7 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.contract.participant_messages import build_own_port
 from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec
 
-# Of a participant: a word of its `writes`, and the name of a value that it writes there.
+# For participants: a word of its `writes`, and the name of a value that it writes there.
 VALUE_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}\.[a-z][a-z0-9_]{0,39}")
 
 
@@ -109,7 +109,7 @@ class TriggerSpec(Spec):
 
     @property
     def value_port(self) -> str | None:
-        """The port that the value is on; nothing where the condition is about a vehicle."""
+        """Port of the value; None if the condition is on a vehicle."""
         if self.participant is None or self.value is None:
             return None
         return build_own_port(self.participant, self.value.partition(".")[0])
@@ -149,6 +149,8 @@ class EventSpec(Spec):
     when: TriggerSpec | None = Field(default=None, description="condition that triggers the event, in place of `at_s`")
 
     drives_wind: ClassVar[bool] = False
+    # The event in words, with names of fields in braces.
+    text_format: ClassVar[str] = ""
 
     @model_validator(mode="after")
     def _check_one_time(self) -> Self:
@@ -162,13 +164,13 @@ class EventSpec(Spec):
 
     @property
     def about_agent(self) -> str | None:
-        """The agent that it happens to, if it happens to one."""
-        return None
+        """Agent of the event, if it concerns one."""
+        return getattr(self, "agent", None)
 
     @property
     def text(self) -> str:
         """Description of the event, in words."""
-        raise NotImplementedError
+        return self.text_format.format_map(dict(self))
 
 
 class SourceEventSpec(EventSpec):
@@ -176,38 +178,25 @@ class SourceEventSpec(EventSpec):
 
     source: Annotated[int, Field(ge=0)] = Field(default=0, description="index of the source in `gas.sources`")
 
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"source {self.source} {self._deed}"
-
-    @property
-    def _deed(self) -> str:
-        raise NotImplementedError
-
 
 class SourceStartsSpec(SourceEventSpec):
     """A source starts to release gas.
 
-    A source whose first `source_starts` or `source_stops` in the list is a start is closed until then, in the warm-up
-    too.
+    If the first `source_starts` or `source_stops` of a source in the list is a start, the source is closed until then,
+    also during the warm-up.
     """
+
+    text_format: ClassVar[str] = "source {source} starts"
 
     what: Literal["source_starts"] = Field(default="source_starts", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    @property
-    def _deed(self) -> str:
-        return "starts"
-
 
 class SourceStopsSpec(SourceEventSpec):
-    """A source stops to release gas; what is in the air stays there. Its release goes on unseen and may start again."""
+    """A source stops releasing gas; gas in the air stays. Its release continues unseen and may start again."""
+
+    text_format: ClassVar[str] = "source {source} stops"
 
     what: Literal["source_stops"] = Field(default="source_stops", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    @property
-    def _deed(self) -> str:
-        return "stops"
 
 
 class SourceMovesSpec(SourceEventSpec):
@@ -217,26 +206,25 @@ class SourceMovesSpec(SourceEventSpec):
     to_m: Vec3 = Field(description="new position in the world")
 
     @property
-    def _deed(self) -> str:
-        return f"moves to {format_point(self.to_m)} m"
+    def text(self) -> str:
+        """Description of the event, in words."""
+        return f"source {self.source} moves to {format_point(self.to_m)} m"
 
 
 class SourceRateSpec(SourceEventSpec):
     """A source releases more or less than before; for releases that are `constant` or `poisson`."""
 
+    text_format: ClassVar[str] = "source {source} releases {filaments_per_s:g} filaments/s"
+
     what: Literal["source_rate"] = Field(default="source_rate", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     filaments_per_s: Positive = Field(description="mean release rate from then on")
 
-    @property
-    def _deed(self) -> str:
-        return f"releases {self.filaments_per_s:g} filaments/s"
-
 
 class WindChangesSpec(EventSpec):
-    """The wind is another from then on, everywhere at once: faster or slower, or as another inlet makes it.
+    """The wind changes from then on, everywhere at once: to another speed, or to the wind of another inlet.
 
-    The wind of another inlet is made before the run in the same room, with everything else of `wind` as it is; an event
-    with neither key brings the scenario's own wind back. The time that a room takes to follow is left out.
+    The wind of another inlet is solved before the run in the same room, with everything else of `wind` as it is; an
+    event with neither key restores the scenario's own wind. The time that a room takes to follow is left out.
     """
 
     drives_wind: ClassVar[bool] = True
@@ -262,34 +250,21 @@ class DoorEventSpec(EventSpec):
 
     door: Name = Field(description="name of the door")
 
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"{self.door} {self._deed}"
-
-    @property
-    def _deed(self) -> str:
-        raise NotImplementedError
-
 
 class DoorOpensSpec(DoorEventSpec):
     """A door opens: its box is gone. All of the air follows at once, as where the wind changes."""
 
-    what: Literal["door_opens"] = Field(default="door_opens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    text_format: ClassVar[str] = "{door} opens"
 
-    @property
-    def _deed(self) -> str:
-        return "opens"
+    what: Literal["door_opens"] = Field(default="door_opens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
 class DoorClosesSpec(DoorEventSpec):
     """A door closes: its box stands there, and gas that was in its place is gone. It waits for no vehicle."""
 
-    what: Literal["door_closes"] = Field(default="door_closes", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    text_format: ClassVar[str] = "{door} closes"
 
-    @property
-    def _deed(self) -> str:
-        return "closes"
+    what: Literal["door_closes"] = Field(default="door_closes", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
 class SensorEventSpec(EventSpec):
@@ -298,90 +273,58 @@ class SensorEventSpec(EventSpec):
     agent: Name = Field(description="agent of the sensor")
     sensor: Name = Field(description="name of the sensor")
 
-    @property
-    def about_agent(self) -> str | None:
-        """The agent that it happens to."""
-        return self.agent
-
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"{self.sensor} {self._deed}"
-
-    @property
-    def _deed(self) -> str:
-        raise NotImplementedError
-
 
 class SensorDropsOutSpec(SensorEventSpec):
-    """A sensor measures no more: its readings say `is_warming_up`, and their values mean nothing."""
+    """A sensor stops measuring: its readings have `is_warming_up`, and their values mean nothing."""
+
+    text_format: ClassVar[str] = "{sensor} drops out"
 
     what: Literal["sensor_drops_out"] = Field(default="sensor_drops_out", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    @property
-    def _deed(self) -> str:
-        return "drops out"
-
 
 class SensorSticksSpec(SensorEventSpec):
-    """A sensor repeats its last reading, and nothing in the reading says so."""
+    """A sensor repeats its last reading, without any sign of it in the reading."""
+
+    text_format: ClassVar[str] = "{sensor} sticks"
 
     what: Literal["sensor_sticks"] = Field(default="sensor_sticks", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    @property
-    def _deed(self) -> str:
-        return "sticks"
-
 
 class SensorDriftsSpec(SensorEventSpec):
-    """A sensor with a `drift_per_s` of its own drifts away from then on, beside that one."""
+    """A sensor drifts from then on, in addition to its own `drift_per_s`."""
+
+    text_format: ClassVar[str] = "{sensor} drifts by {drift_per_s:g} a second"
 
     what: Literal["sensor_drifts"] = Field(default="sensor_drifts", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     drift_per_s: float = Field(description="drift per second, in the unit of its readings")
 
-    @property
-    def _deed(self) -> str:
-        return f"drifts by {self.drift_per_s:g} a second"
-
 
 class SensorBiasedSpec(SensorEventSpec):
-    """A sensor with a `bias` of its own has another one beside it."""
+    """A sensor has another bias, in addition to its own `bias`."""
+
+    text_format: ClassVar[str] = "{sensor} is off by {bias:g}"
 
     what: Literal["sensor_biased"] = Field(default="sensor_biased", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     bias: float = Field(description="offset of each value, in the unit of its readings")
-
-    @property
-    def _deed(self) -> str:
-        return f"is off by {self.bias:g}"
 
 
 class SensorRecoversSpec(SensorEventSpec):
     """A sensor measures again as before its first event."""
 
-    what: Literal["sensor_recovers"] = Field(default="sensor_recovers", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    text_format: ClassVar[str] = "{sensor} recovers"
 
-    @property
-    def _deed(self) -> str:
-        return "recovers"
+    what: Literal["sensor_recovers"] = Field(default="sensor_recovers", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
 class RotorWeakensSpec(EventSpec):
-    """A rotor of a vehicle gives a share of its thrust and torque; the vehicle's control does not know."""
+    """A rotor gives a fraction of its thrust and torque; the vehicle's control does not detect it."""
+
+    text_format: ClassVar[str] = "rotor {rotor} weakens to {share:g} of its thrust"
 
     what: Literal["rotor_weakens"] = Field(default="rotor_weakens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
     agent: Name = Field(description="agent of the vehicle")
     rotor: Annotated[int, Field(ge=0)] = Field(description="index of the rotor, from 0")
     share: Fraction = Field(description="fraction of the thrust and torque of an intact rotor")
-
-    @property
-    def about_agent(self) -> str | None:
-        """The agent that it happens to."""
-        return self.agent
-
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"rotor {self.rotor} weakens to {self.share:g} of its thrust"
 
 
 class RadioEventSpec(EventSpec):
@@ -391,35 +334,25 @@ class RadioEventSpec(EventSpec):
     channel: Name | None = Field(default=None, description="channel (absent: all)")
 
     @property
-    def about_agent(self) -> str | None:
-        """The agent that it happens to, if it is one."""
-        return self.agent
-
-    @property
-    def _radio(self) -> str:
-        return f"radio on {self.channel}" if self.channel else "radio"
+    def text(self) -> str:
+        """Description of the event, in words."""
+        return self.text_format.format(radio=f"radio on {self.channel}" if self.channel else "radio")
 
 
 class RadioLostSpec(RadioEventSpec):
     """Texts are lost from then on; those on their way arrive."""
 
-    what: Literal["radio_lost"] = Field(default="radio_lost", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    text_format: ClassVar[str] = "{radio} is lost"
 
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"{self._radio} is lost"
+    what: Literal["radio_lost"] = Field(default="radio_lost", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
 class RadioReturnsSpec(RadioEventSpec):
-    """Undoes those `radio_lost` that name the same agent and channel."""
+    """Undoes each `radio_lost` with the same agent and channel."""
+
+    text_format: ClassVar[str] = "{radio} returns"
 
     what: Literal["radio_returns"] = Field(default="radio_returns", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    @property
-    def text(self) -> str:
-        """Description of the event, in words."""
-        return f"{self._radio} returns"
 
 
 _OWN = {

@@ -13,6 +13,12 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, Positive, Spec
 
+EVEN_RELEASES = ("constant", "poisson")
+"""Timings of releases whose rate can be changed during a run."""
+
+# Entry points of other packages' models; each is a class that derives from `GasSpec`.
+GAS_ENTRY_POINTS = "gslcosim.gas_models"
+
 
 class ReleaseSpec(KindedSpec):
     """Timing of releases.
@@ -53,10 +59,6 @@ class ReleaseSpec(KindedSpec):
                 remedy="For example release: {kind: scheduled, schedule: [[0, 10], [60, 0]]}.",
             )
         return self
-
-
-EVEN_RELEASES = ("constant", "poisson")
-"""Timings of releases whose rate can be changed during a run."""
 
 
 class ShapeSpec(KindedSpec):
@@ -134,10 +136,6 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
     return {**gases.GASES, **defined}
 
 
-# Third parties add theirs under this name; each entry point is a class that derives from `GasSpec`.
-GAS_ENTRY_POINTS = "gslcosim.gas_models"
-
-
 class FarrellSpec(Spec):
     """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side.
 
@@ -157,13 +155,13 @@ class FarrellSpec(Spec):
 
 
 class TurbulenceSpec(KindedSpec):
-    """Turbulence that moves filaments, spreads them, and that instruments feel.
+    """Turbulence that moves and spreads filaments, and that instruments sense.
 
-    `wind`: its strength is that of k and epsilon, which the wind's solver has kept with the wind. `given`: everywhere
-    the same, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's speed,
-    and the integral length `length_m`, but no more than half of the distance between two walls, or the height of ground
-    under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the gas
-    within filaments.
+    `wind`: its strength follows from k and epsilon, which the wind's solver has stored with the wind. `given`: the same
+    everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
+    speed, and the integral length `length_m`, but no more than half of the distance between two walls, or the height of
+    ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the
+    gas within filaments.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))
@@ -179,10 +177,10 @@ class TurbulenceSpec(KindedSpec):
 
 
 class GasSpec(KindedSpec):
-    """Base of all gas models; the block of a model adds what only this model has.
+    """Base of all gas models; the block of a model adds the settings of that model alone.
 
-    A package's block derives from this class or from `FilamentsSpec`, and narrows `model` to its name.
-    `can_be_driven` says that the gas follows when a service changes the wind.
+    A package's block derives from this class or from `FilamentsSpec`, and narrows `model` to its name. With
+    `can_be_driven`, the gas follows a wind that a service changes.
     """
 
     tag_key: ClassVar[str] = "model"
@@ -205,7 +203,7 @@ class GasSpec(KindedSpec):
 
     @property
     def stored_folder(self) -> str | None:
-        """The folder or file that the gas is read from, if the model reads stored gas."""
+        """Folder or file of the gas, if the model reads stored gas."""
         return None
 
     @model_validator(mode="after")
@@ -272,7 +270,7 @@ class FilamentsSpec(GasSpec):
     )
 
     def useless_keys(self) -> dict[str, str]:
-        """Return the keys that mean nothing with this compatibility or turbulence, each with where it belongs."""
+        """Return the keys without a meaning with this compatibility or turbulence, each with its home."""
         useless = dict(super().useless_keys())
         if self.compatibility == "none":
             useless["gaden_noise_std_m"] = "compatibility: gaden_2, gaden_3"
@@ -313,5 +311,5 @@ GAS_KINDS = OneOf(
     offers=EntryPoints(group=GAS_ENTRY_POINTS, what="gas model"),
     default="filament",
 )
-# Chosen by `model`; a block that does not say it moves filaments.
+# Selected by `model`; filaments by default.
 Gas = Annotated[SerializeAsAny[GasSpec], GAS_KINDS]

@@ -1,7 +1,7 @@
 """Geometry of an environment: layouts that can be generated.
 
-Layouts hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind`
-is env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
+Layouts cover Tables 9.1 and 9.2 of the GSL-Bench thesis for warehouses, and the like for other rooms: `kind` is
+env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
 emptyfullrackdiv, `walls` white_walls. inlet_vel, the cell of Table 9.3 and the times of Table 9.5 are in the scenario's
 `wind`, the source of Table 9.6 in its `gas`; env_amount is `gslcosim environment generate --count`.
 """
@@ -69,12 +69,12 @@ class FurtherOpeningSpec(OpeningSpec):
 
 
 class RoomSpec(Spec):
-    """Base of all layouts. Sizes [m]; `seed` decides all that is drawn at random.
+    """Base of all layouts. Sizes [m]; `seed` determines all random parts.
 
-    `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are where the layout has
-    them, in warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner.
-    `openings` are further ones. `obstacles` are added to what the layout furnishes. `lights` is how many lamps hang
-    along x and y below the ceiling, by default one for about every 6 m.
+    `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are those of the layout, in
+    warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner. `openings`
+    are further ones. `obstacles` are added to the layout's furniture. `lights` is the number of lamps along x and y
+    below the ceiling, by default one for about every 6 m.
     """
 
     kind: str = Field(description="layout")
@@ -180,7 +180,7 @@ class OfficeSpec(RoomSpec):
 class HomeSpec(RoomSpec):
     """A flat: a box divided into `n_rooms` rooms that are at least `least_room_m` wide, with doors and furniture.
 
-    Where there is no place for another room there are fewer.
+    If there is no place for another room, there are fewer.
     """
 
     kind: Literal["home"] = "home"  # pyright: ignore
@@ -246,7 +246,7 @@ def _kind_of(value: Any) -> str | None:
     return kind if isinstance(kind, str) else None
 
 
-# Chosen by `kind`; a layout that does not say it is an empty warehouse.
+# Selected by `kind`; an empty warehouse by default.
 Layout = Annotated[
     Annotated[LayoutSpec, Tag("warehouse_empty")]
     | Annotated[SimpleWarehouseSpec, Tag("warehouse_simple")]

@@ -19,10 +19,17 @@ from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port, find_driven_source, find_room_output
 from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec, with_registered_keys
 
-# The names that a briefing can hold.
+# Names that a briefing can hold.
 _PARAMETER_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
-# What a run gives its processes there.
+# Prefix of the variables that a run sets for its processes.
 _OUR_PREFIX = "GSLCOSIM_"
+SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
+# For a participant that an extension starts; names for programs match `_PARAMETER_NAME`.
+ParameterName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+# A service that is silent for 30 s counts as hanging; the program's own limit is more specific.
+MAX_ANSWER_S = 25.0
+# Entry points of other packages' services; each is a class that derives from `ServiceSpec`.
+SERVICE_ENTRY_POINTS = "gslcosim.services"
 
 
 def _without_ours(variables: "dict[str, str | None]") -> "dict[str, str | None]":
@@ -44,8 +51,6 @@ EnvironmentVariables = Annotated[
     Field(max_length=100),
     AfterValidator(_without_ours),
 ]
-
-SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
 
 
 class AgentLimitsSpec(Spec):
@@ -69,13 +74,6 @@ class AgentLimitsSpec(Spec):
     def are_given(self) -> bool:
         """True if there is any bound."""
         return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))
-
-
-# Of a participant that an extension starts; those of programs are `_PARAMETER_NAME`.
-ParameterName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-
-# A service that is silent for 30 s is taken for one that hangs; the program's own limit says more.
-MAX_ANSWER_S = 25.0
 
 
 @with_registered_keys(PARTICIPANT_START)
@@ -108,7 +106,7 @@ class ProgramStartSpec(Spec):
 
     @property
     def registered(self) -> ParticipantStart[Any] | None:
-        """The start of an extension that the block has, if it has one."""
+        """Start of an extension in this block, if any."""
         return next((start for start in list_participant_starts() if start.get(self) is not None), None)
 
     @property
@@ -119,7 +117,7 @@ class ProgramStartSpec(Spec):
 
     @property
     def given_words(self) -> tuple[str, ...]:
-        """The words that the scenario gives: the command, or the text of an extension's key."""
+        """Words that the scenario gives: the command, or the text of an extension's key."""
         start = self.registered
         return (self.command or ()) if start is None else (str(start.get(self)),)
 
@@ -183,17 +181,17 @@ class ParticipantProgramSpec(Spec):
 
     @property
     def driven_sources(self) -> tuple[int, ...]:
-        """The places in `gas.sources` of the sources whose rates it sets."""
+        """Indices in `gas.sources` of the sources whose rates it sets."""
         found = (find_driven_source(word) for word in self.writes)
         return tuple(i for i in found if i is not None)
 
     @property
     def own_ports(self) -> tuple[str, ...]:
-        """The ports of its own, which are recorded."""
+        """Ports of its own, which are recorded."""
         return tuple(build_own_port(self.name, word) for word in self.writes if find_room_output(word) is None)
 
     def port_of(self, word: str) -> str:
-        """Return the port that a word of `writes` stands for."""
+        """Return the port of a word in `writes`."""
         room = find_room_output(word)
         return build_own_port(self.name, word) if room is None else room.port
 
@@ -223,17 +221,13 @@ class ParticipantProgramSpec(Spec):
         return self
 
 
-# Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.
-SERVICE_ENTRY_POINTS = "gslcosim.services"
-
-
 class ServiceSpec(Spec):
     """A service of another package: `name` is that of the participant, the entry point and the process.
 
     The package derives from this class, narrows `name`, adds its settings, and registers how its core is built with
     `gslcosim.runtime.services.get_block_service`.
 
-    `drives_wind` says that it writes `truth/wind`, which scales the wind of the room. Numbers and truth values of the
+    With `drives_wind`, it writes `truth/wind`, which scales the wind of the room. Numbers and truth values of the
     messages on `recorded_ports` are recorded as curves; each port is one that it writes every tick.
     """
 

@@ -1,4 +1,4 @@
-"""Frozen models of a scenario file: every field with unit, default and range; and which events are due."""
+"""Frozen models of a scenario file, every field with unit, default and range, and the events due in a tick."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
@@ -50,6 +50,11 @@ from gslcosim.scenario.problems import did_you_mean
 from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
+# Default height to which a vehicle in the air rises [m].
+USUAL_HEIGHT_M = 2.0
+Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]]
+# Services that share a process; see `Scenario`.
+Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
 @with_registered_keys(ENVIRONMENT)
@@ -67,14 +72,14 @@ class EnvironmentSpec(Spec):
 
     @property
     def folder_key(self) -> str | None:
-        """The key that names a folder, if one does."""
+        """Key that names a folder, if any."""
         folders = {path.place for path in list_inputs() if path.kind == "folder"}
         keys = (key for key in type(self).model_fields if f"{ENVIRONMENT}.{key}" in folders)
         return next((key for key in keys if self._has(key)), None)
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files and folders that it names."""
+        """Files and folders that it names."""
         return tuple(text for _, _, text in find_inputs({ENVIRONMENT: self.model_dump(mode="json")}))
 
     def _has(self, key: str) -> bool:
@@ -133,7 +138,7 @@ class StartSpec(Spec):
 
     @property
     def registered(self) -> AgentStart[Any] | None:
-        """The start of an extension that the block has, if it has one."""
+        """Start of an extension in this block, if any."""
         return next((start for start in list_agent_starts() if start.get(self) is not None), None)
 
     @model_validator(mode="after")
@@ -197,10 +202,6 @@ class StartSpec(Spec):
                     remedy="Add door: stdio, tcp or unix to speak through the gateway.",
                 )
         return self
-
-
-# Where a vehicle in the air rises to where nobody says [m].
-USUAL_HEIGHT_M = 2.0
 
 
 def _usual_height_m(values: dict[str, Any]) -> float:
@@ -319,11 +320,8 @@ class KnowledgeSpec(Spec):
 
     @property
     def granted(self) -> tuple[str, ...]:
-        """The names of what is granted."""
+        """Names of the granted items."""
         return tuple(name for name in type(self).model_fields if getattr(self, name))
-
-
-Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]]
 
 
 class AgentSpec(Spec):
@@ -404,7 +402,7 @@ class AgentSpec(Spec):
 
     @property
     def process(self) -> str:
-        """Return the name of the agent whose process flies this one: its own unless `process_of` names another."""
+        """Name of the agent whose process runs this one: its own unless `process_of` names another."""
         return self.start.process_of or self.name
 
     @property
@@ -489,10 +487,6 @@ class RestartSpec(Spec):
     tries: Annotated[int, Field(ge=1, le=100)] = Field(
         default=3, description="restarts of a service without progress before the run fails"
     )
-
-
-# Which services share a process; see `Scenario`.
-Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
 @with_registered_keys("")
@@ -618,7 +612,7 @@ class Scenario(Spec):
                 )
 
     def without_live_keys(self) -> "Scenario":
-        """Return the scenario without what shows a run while it goes on."""
+        """Return the scenario without the keys that show a run in progress."""
         return self.model_copy(update={key.name: key.default for key in list_live_keys()})
 
     @property
@@ -628,7 +622,7 @@ class Scenario(Spec):
 
     @property
     def substances(self) -> tuple[str, ...]:
-        """The names of the gases that its sources release, each once."""
+        """Names of the gases that its sources release, each once."""
         return tuple(dict.fromkeys(source.gas or self.gas.gas for source in self.gas.sources))
 
     @property
@@ -643,12 +637,12 @@ class Scenario(Spec):
 
     @property
     def driven_sources(self) -> tuple[int, ...]:
-        """The places in `gas.sources` of the sources whose rates participants set."""
+        """Indices in `gas.sources` of the sources whose rates participants set."""
         return tuple(i for participant in self.participants for i in participant.driven_sources)
 
     @property
     def curve_ports(self) -> tuple[str, ...]:
-        """The ports of services of other packages, of participants and of probes that are recorded as curves."""
+        """Ports of services of other packages, of participants and of probes that are recorded as curves."""
         of_services = tuple(port for service in self.services for port in service.recorded_ports)
         of_sources = tuple(build_source_port(i) for i in self.driven_sources)
         own = tuple(port for participant in self.participants for port in participant.own_ports)
@@ -656,24 +650,24 @@ class Scenario(Spec):
 
     @property
     def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:
-        """All cameras, with the agents that they belong to."""
+        """All cameras, each with its agent."""
         sensors = ((agent, sensor) for agent in self.agents for sensor in agent.sensors)
         return tuple((agent, sensor) for agent, sensor in sensors if isinstance(sensor, CameraSensorSpec))
 
     def members_of(self, channel: ChannelSpec) -> tuple[str, ...]:
-        """Return the names of the agents that send and hear on a channel, by name."""
+        """Return the names of the agents that send and receive on a channel, sorted."""
         return tuple(sorted({agent.name for agent in self.agents} if channel.members == "all" else {*channel.members}))
 
     def agents_by_process(self) -> dict[str, tuple[str, ...]]:
-        """Return which agents each process flies, in the scenario's order; a process has the name of an agent."""
-        flown: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
+        """Return the agents of each process, in the scenario's order; a process has the name of an agent."""
+        members: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
         for agent in self.agents:
-            flown[agent.process] += (agent.name,)
-        return flown
+            members[agent.process] += (agent.name,)
+        return members
 
     @property
     def methods(self) -> dict[str, str]:
-        """By agent the name of its method, in the scenario's order; see `name_method`."""
+        """Name of each agent's method, in the scenario's order; see `name_method`."""
         starts = {agent.name: agent.start for agent in self.agents}
         names = {
             name: name_method(
@@ -693,17 +687,17 @@ class Scenario(Spec):
 
 
 def list_event_reads(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
-    """Return what a participant has to read that obeys some kinds of events: nothing where the scenario has none."""
+    """Return the reads of a participant that obeys some kinds of events: none if the scenario has no such event."""
     has_any = any(isinstance(event, kinds) for event in scenario.events)
     return (Read(port=EVENTS, delay_ticks=1),) if has_any else ()
 
 
 def find_due_events(scenario: Scenario, inbox: Inbox) -> Iterator[tuple[int, EventSpec]]:
-    """Yield the events that take effect in a tick, with their places in the list, in the scenario's order.
+    """Yield the events that take effect in a tick, with their indices in the list, in the scenario's order.
 
     Args:
-        scenario: Its `events`.
-        inbox: That of the tick, of a participant with `list_event_reads`.
+        scenario: Scenario with the events.
+        inbox: Inbox in that tick of a participant with the reads of `list_event_reads`.
     """
     note = inbox.get(EVENTS)
     if isinstance(note, EventsBeginning):

@@ -13,12 +13,30 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec
 
+# Errors that an ideal instrument lacks, in blocks that have them.
+_ERRORS = (
+    "noise_std", "gain_spread", "drift_spread_per_s", "resolution", "t90_s", "noise_frac", "baseline_walk",
+    "speed_noise_std_m_s", "direction_noise_std_rad",
+)  # fmt: skip
+IDEAL_SUFFIX = "_ideal"
+Pixels = Annotated[int, Field(ge=8, le=2048)]
+Rays = Annotated[int, Field(ge=1, le=4096)]
+# Entry points of other packages' sensors; each is a `gslcosim_services.sensing.models.SensorKind`.
+SENSOR_ENTRY_POINTS = "gslcosim.sensors"
+SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
+# Descriptions of settings whose default differs between models.
+_NOISE = "standard deviation of the white noise, in the unit of its readings"
+_GAIN_SPREAD = "spread of units: standard deviation of the logarithm of a factor on each value"
+_DRIFT_SPREAD = "spread of the drifts of units, in the unit of its readings"
+_RESOLUTION = "resolution, in the unit of its readings (0: none)"
+_T90 = "response time T90 to a step (0: none)"
+
 
 class SensorSpec(Spec):
-    """Base of all sensors; the block of a model adds what only this model has.
+    """Base of all sensors; the block of a model adds the settings of that model alone.
 
-    `has_estimates` says that a second reading tells the mixing ratio that the first one suggests, under the sensor's
-    name with `_ppm` behind.
+    With `has_estimates`, a second reading has the mixing ratio that the first one suggests, under the sensor's name
+    with the ending `_ppm`.
     """
 
     has_estimates: ClassVar[bool] = False
@@ -34,9 +52,7 @@ class SensorSpec(Spec):
 class NoisySensorSpec(SensorSpec):
     """A sensor whose values have white noise, in the unit of its readings."""
 
-    noise_std: NonNegative = Field(
-        default=0.0, description="standard deviation of the white noise, in the unit of its readings"
-    )
+    noise_std: NonNegative = Field(default=0.0, description=_NOISE)
 
 
 class MeasuringSensorSpec(NoisySensorSpec):
@@ -47,21 +63,17 @@ class MeasuringSensorSpec(NoisySensorSpec):
     max_value: Positive | None = Field(
         default=None, description="limit of the absolute value, in the unit of its readings (absent: none)"
     )
-    gain_spread: NonNegative = Field(
-        default=0.0, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    drift_spread_per_s: NonNegative = Field(
-        default=0.0, description="spread of the drifts of units, in the unit of its readings"
-    )
-    resolution: NonNegative = Field(default=0.0, description="resolution, in the unit of its readings (0: none)")
+    gain_spread: NonNegative = Field(default=0.0, description=_GAIN_SPREAD)
+    drift_spread_per_s: NonNegative = Field(default=0.0, description=_DRIFT_SPREAD)
+    resolution: NonNegative = Field(default=0.0, description=_RESOLUTION)
 
 
 class OnBoardSensorSpec(SensorSpec):
-    """A sensor of the vehicle itself or of what is around it: it looks at bodies and the scene, not at gas and wind."""
+    """A sensor of the vehicle itself or of its surroundings: it measures bodies and the scene, not gas and wind."""
 
 
 class TurnedSensorSpec(SensorSpec):
-    """A sensor that looks around: its axes can be turned against the body's."""
+    """A sensor with a direction of view: its axes can be turned against the body's."""
 
     mount_rpy_rad: Vec3 = Field(
         default=(0.0, 0.0, 0.0), description="roll, then pitch, then yaw of its axes about the body's fixed axes"
@@ -69,13 +81,13 @@ class TurnedSensorSpec(SensorSpec):
 
 
 class ReachingSensorSpec(SensorSpec):
-    """A sensor that sees as far as some range."""
+    """A sensor with a limited range."""
 
     max_range_m: Positive = Field(default=30.0, description="range")
 
 
 class BeamSensorSpec(ReachingSensorSpec):
-    """A sensor that looks along one beam."""
+    """A sensor along one beam."""
 
     beam_body: Vec3 = Field(default=(1.0, 0.0, 0.0), description="direction of the beam in the body frame")
 
@@ -92,7 +104,7 @@ class BeamSensorSpec(ReachingSensorSpec):
 
 
 class RaySensorSpec(NoisySensorSpec, TurnedSensorSpec, ReachingSensorSpec, OnBoardSensorSpec):
-    """A range finder or lidar: it measures how far it is to what is around, along rays."""
+    """A range finder or lidar: it measures the distance of its surroundings along rays."""
 
 
 class MoxSensorSpec(MeasuringSensorSpec):
@@ -112,17 +124,11 @@ class MoxSensorSpec(MeasuringSensorSpec):
 class PidSensorSpec(MeasuringSensorSpec):
     """A photo-ionisation detector."""
 
-    noise_std: NonNegative = Field(
-        default=0.03, description="standard deviation of the white noise, in the unit of its readings"
-    )
-    gain_spread: NonNegative = Field(
-        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    drift_spread_per_s: NonNegative = Field(
-        default=3e-5, description="spread of the drifts of units, in the unit of its readings"
-    )
-    resolution: NonNegative = Field(default=0.1, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=3.0, description="response time T90 to a step (0: none)")
+    noise_std: NonNegative = Field(default=0.03, description=_NOISE)
+    gain_spread: NonNegative = Field(default=0.05, description=_GAIN_SPREAD)
+    drift_spread_per_s: NonNegative = Field(default=3e-5, description=_DRIFT_SPREAD)
+    resolution: NonNegative = Field(default=0.1, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=3.0, description=_T90)
     lamp_ev: Positive = Field(default=11.7, description="photon energy of the lamp: 10.6 or 11.7")
 
     @model_validator(mode="after")
@@ -150,7 +156,7 @@ class HitCounterSpec(MeasuringSensorSpec):
 
 
 class AveragingSensorSpec(MeasuringSensorSpec):
-    """A sensor that shows a mean over time."""
+    """A sensor that reports a mean over time."""
 
     averaging_s: Positive = Field(default=1.0, description="averaging time")
 
@@ -169,42 +175,28 @@ class SecondOrderSensorSpec(MeasuringSensorSpec):
 class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
     """An open-path laser along a beam."""
 
-    noise_std: NonNegative = Field(
-        default=3.0, description="standard deviation of the white noise, in the unit of its readings"
-    )
-    gain_spread: NonNegative = Field(
-        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    resolution: NonNegative = Field(default=1.0, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=0.1, description="response time T90 to a step (0: none)")
+    noise_std: NonNegative = Field(default=3.0, description=_NOISE)
+    gain_spread: NonNegative = Field(default=0.05, description=_GAIN_SPREAD)
+    resolution: NonNegative = Field(default=1.0, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=0.1, description=_T90)
 
 
 class Anemometer3dSpec(MeasuringSensorSpec):
     """An anemometer of three axes."""
 
-    gain_spread: NonNegative = Field(
-        default=0.01, description="spread of units: standard deviation of the logarithm of a factor on each value"
-    )
-    resolution: NonNegative = Field(default=0.01, description="resolution, in the unit of its readings (0: none)")
-    t90_s: NonNegative = Field(default=0.25, description="response time T90 to a step (0: none)")
+    gain_spread: NonNegative = Field(default=0.01, description=_GAIN_SPREAD)
+    resolution: NonNegative = Field(default=0.01, description=_RESOLUTION)
+    t90_s: NonNegative = Field(default=0.25, description=_T90)
     speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
 
 
 class AnemometerSpec(Anemometer3dSpec):
-    """An anemometer of two axes, which tells speed and direction."""
+    """An anemometer of two axes, which reports speed and direction."""
 
     direction_noise_std_rad: NonNegative = Field(default=0.1, description="noise of the direction")
 
 
-# What an instrument without errors does without, where its block has it.
-_ERRORS = (
-    "noise_std", "gain_spread", "drift_spread_per_s", "resolution", "t90_s", "noise_frac", "baseline_walk",
-    "speed_noise_std_m_s", "direction_noise_std_rad",
-)  # fmt: skip
-IDEAL_SUFFIX = "_ideal"
-
-
-# The block of the same instrument, by default without errors.
+# Block of the same instrument, by default without errors.
 def _ideal(name: str, block: type[MeasuringSensorSpec]) -> type[MeasuringSensorSpec]:
     fields: dict[str, Any] = {
         key: (NonNegative, Field(default=0.0, description=block.model_fields[key].description))
@@ -220,9 +212,6 @@ IdealPidSpec = _ideal("IdealPidSpec", PidSensorSpec)
 IdealTdlasSpec = _ideal("IdealTdlasSpec", TdlasSensorSpec)
 IdealAnemometerSpec = _ideal("IdealAnemometerSpec", AnemometerSpec)
 IdealAnemometer3dSpec = _ideal("IdealAnemometer3dSpec", Anemometer3dSpec)
-
-Pixels = Annotated[int, Field(ge=8, le=2048)]
-Rays = Annotated[int, Field(ge=1, le=4096)]
 
 
 class ImuSpec(Spec):
@@ -357,7 +346,7 @@ class MagnetometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
 
 
 class PoseSensorSpec(OnBoardSensorSpec):
-    """A localization system; the pose that an agent gets is then this one."""
+    """A localization system; its pose is then the one in the agent's observations."""
 
     pose: PoseSpec = Field(default=PoseSpec(), description="its errors")
 
@@ -402,7 +391,7 @@ class DepthCameraSpec(CameraSensorSpec, ReachingSensorSpec):
     """A camera of depths."""
 
 
-# The block of settings of each model; what the models do is in gslcosim_services.sensing.
+# Block of settings of each model; the models are in gslcosim_services.sensing.
 SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "tgs2600": MoxSensorSpec,
     "tgs2602": MoxSensorSpec,
@@ -443,11 +432,8 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "anemometer_3d_ideal": IdealAnemometer3dSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
-# Third parties add theirs under this name; each entry point is a `gslcosim_services.sensing.models.SensorKind`.
-SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
 
-SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
 _ONE_OF = OneOf(tag_key="model", base=SensorSpec, own=SENSOR_BLOCKS, offers=SENSOR_OFFERS, part="settings")
 
 
@@ -461,7 +447,7 @@ def sensor_names() -> tuple[str, ...]:
 def mox_sensor_names() -> tuple[str, ...]:
     """Return the names of all MOX sensors: gslcosim's and those of installed packages that can be imported.
 
-    An ideal one has the figures of the real one, and is left out.
+    An ideal sensor has the figures of the real one, and is left out.
     """
     return tuple(name for name in sensor_names() if issubclass(_block_of(name), MoxSensorSpec) and not is_ideal(name))
 
@@ -484,11 +470,11 @@ def has_estimates(model: str) -> bool:
 
 
 def real_model(model: str) -> str:
-    """Return the model of the instrument that an ideal one stands for, `pid` for `pid_ideal`; agents are told this."""
+    """Return the real model of an ideal one, `pid` for `pid_ideal`; agents receive this name."""
     return model.removesuffix(IDEAL_SUFFIX) if is_ideal(model) else model
 
 
-# Chosen by `model`.
+# Selected by `model`.
 Sensor = Annotated[SerializeAsAny[SensorSpec], _ONE_OF]
 _SENSOR: TypeAdapter[SensorSpec] = TypeAdapter(Sensor)
 

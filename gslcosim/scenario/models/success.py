@@ -1,6 +1,6 @@
-"""Success criteria: a block for each, with what agents are sent and what is recorded of it.
+"""Success criteria: a block for each, with the task of agents and the goal in recordings.
 
-The blocks hold settings and words. `gslcosim_services.referee.success` judges by them.
+The blocks hold settings and words. `gslcosim_services.referee.success` decides by them.
 """
 
 from abc import abstractmethod
@@ -11,7 +11,7 @@ from pydantic import Field, SerializeAsAny
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.scenario.models.base import OneOf, Positive, Spec
 
-# Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
+# Entry points of other packages' criteria; each is a class that derives from `SuccessSpec`.
 SUCCESS_ENTRY_POINTS = "gslcosim.success"
 DEFAULT_CRITERION = "source"
 
@@ -19,8 +19,8 @@ DEFAULT_CRITERION = "source"
 class SuccessSpec(Spec):
     """Base of all criteria: `of` names the criterion, `within_m` is the success radius [m].
 
-    Beliefs are scored with the same radius, whatever the criterion. One of a third party derives from this class,
-    narrows `of` to its name, and gives its task as a sentence and as fields of `Task` in the briefing.
+    Beliefs are scored with the same radius, whatever the criterion. A criterion of another package derives from this
+    class, narrows `of` to its name, and gives its task as a sentence and as fields of `Task` in the briefing.
     """
 
     distance_of: ClassVar[Literal["vehicle", "declaration", "belief"] | None] = None
@@ -41,19 +41,19 @@ class SuccessSpec(Spec):
     def reach_m(self) -> float | None:
         """Distance to a source that the shortest sufficient path has to reach [m].
 
-        0: to the source itself, where nothing has to be approached. None: the way to one source does not suffice, and
-        no shortest way is reported.
+        0: to the source itself, if nothing has to be approached. None: the path to one source is not sufficient, and no
+        shortest path is reported.
         """
         return 0.0
 
     @property
     def drawn_radius_m(self) -> float | None:
-        """The radius drawn around each source [m]; None draws nothing. Where heights do not count it is a column."""
+        """Radius drawn around each source [m]; None draws nothing. If heights do not count it is a column."""
         return self.within_m
 
     @abstractmethod
     def task_text(self, gas: str) -> str:
-        """Return the agent's task as the beginning of a sentence, which goes on with a limit of time."""
+        """Return the agent's task as the beginning of a sentence, whose end is a time limit."""
 
     @property
     @abstractmethod
@@ -84,7 +84,7 @@ class SourceSuccess(_PlaceSpec):
 
     @property
     def reach_m(self) -> float | None:
-        """The success radius: a flight ends there, so the way does too."""
+        """The success radius: the run ends there, and so does the shortest path."""
         return self.within_m
 
     def task_text(self, gas: str) -> str:
@@ -121,8 +121,8 @@ class DeclarationSuccess(_PlaceSpec):
 class AllSourcesSuccess(_PlaceSpec):
     """The vehicle has been within `within_m` of every source, in any order; each agent for itself.
 
-    With `horizontal` heights do not count: distances are those in the plane. Agents do not learn how many sources
-    there are.
+    With `horizontal` heights do not count: distances are those in the plane. Agents do not receive the number of
+    sources.
     """
 
     distance_of = "vehicle"
@@ -176,7 +176,7 @@ _OWN = {
 CRITERIA = tuple(_OWN)
 """The names of gslcosim's own criteria."""
 
-# Chosen by `of`; a block that does not say it judges by the vehicle's distance to a source.
+# Selected by `of`; by default the vehicle's distance to a source.
 Success = Annotated[
     SerializeAsAny[SuccessSpec],
     OneOf(

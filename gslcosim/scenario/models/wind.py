@@ -1,8 +1,8 @@
-"""Wind of a scenario: where it comes from, and how it is solved.
+"""Wind of a scenario: its origin and its solver.
 
-They hold what Tables 9.2, 9.3 and 9.5 of the GSL-Bench thesis have: `inlet_velocity_m_s` is inlet_vel, `cell_m` the
-cells of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `save_from_s` timeRange,
-`average_from_s: null` with `end_time_s` latestTime, `courant` maxCo, `max_step_s` maxDeltaT.
+The blocks cover Tables 9.2, 9.3 and 9.5 of the GSL-Bench thesis: `inlet_velocity_m_s` is inlet_vel, `cell_m` the cells
+of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `save_from_s` timeRange, `average_from_s: null`
+with `end_time_s` latestTime, `courant` maxCo, `max_step_s` maxDeltaT.
 """
 
 from collections.abc import Mapping
@@ -16,13 +16,14 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.models.base import KindedSpec, NonNegative, OneOf, Positive, Spec
 
-# Third parties add theirs under this name; each entry point is a class that derives from `SolverSpec`.
+# Entry points of other packages' solvers; each is a class that derives from `SolverSpec`.
 WIND_ENTRY_POINTS = "gslcosim.wind_solvers"
 Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
-# Solvers that compute a flow, as against those that have their wind from elsewhere.
+# Solvers that compute a flow; the others take their wind from elsewhere.
 SOLVING = ("auto", "built_in", "openfoam")
 _OURS = ("auto", "built_in")
 _FRAMES = "frames, which save_every_s keeps"
+_OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
 
 
 class InletScheduleSpec(Spec):
@@ -88,7 +89,7 @@ class BuoyancySpec(KindedSpec):
     """Gas or heat that the wind carries while it is solved, and that drives it.
 
     `gas` has a density and comes from `releases`; `heat` from `releases` and `walls`. With `orifices`, the room has no
-    other openings: its inlets and outlets are walls. What is sensed and found is still the gas of `gas:`, which moves
+    other openings: its inlets and outlets are walls. Sensors and searches still concern the gas of `gas:`, which moves
     in this wind.
     """
 
@@ -132,7 +133,7 @@ class BuoyancySpec(KindedSpec):
 
 
 class SolverSpec(KindedSpec):
-    """Base of all wind solvers; the block of a solver adds what only this solver has.
+    """Base of all wind solvers; the block of a solver adds the settings of that solver alone.
 
     A package's block derives from this class, and narrows `solver` to its name.
     """
@@ -155,7 +156,7 @@ class SolverSpec(KindedSpec):
 
     @property
     def file(self) -> str | None:
-        """The file or folder that the wind comes from, if it does."""
+        """File or folder of the wind, if it has one."""
         return None
 
 
@@ -217,11 +218,11 @@ class WindSpec(SolverSpec):
 
     @property
     def kind_name(self) -> str:
-        """The name of the solver; `file` where the wind comes from a file."""
+        """Name of the solver; `file` for wind from a file."""
         return self.solver if isinstance(self.solver, str) else "file"
 
     def useless_keys(self) -> dict[str, str]:
-        """Return the keys that mean nothing with this solver, or beside the other keys, each with where it belongs."""
+        """Return the keys without a meaning with this solver, or beside the other keys, each with its home."""
         useless: dict[str, str] = {}
         if self.save_every_s is None:
             useless = dict.fromkeys(
@@ -229,19 +230,19 @@ class WindSpec(SolverSpec):
             )
         if self.end_time_s is not None:
             useless["max_time_s"] = "a wind that goes on until it has settled, without end_time_s"
-        # A wind without it is dumped as it was before there was such a key.
+        # Dumps of a wind without buoyancy stay as they were before this key existed.
         if self.buoyancy is None:
             useless["buoyancy"] = "a wind that gas or heat drives"
         return {**useless, **super().useless_keys()}
 
     @property
     def solves(self) -> bool:
-        """True if a flow is computed where the environment brings no wind of its own."""
+        """True if a flow is computed when the environment has no wind of its own."""
         return self.solver in SOLVING
 
     @property
     def file(self) -> str | None:
-        """The file or folder that the wind comes from, if it does."""
+        """File or folder of the wind, if it has one."""
         return self.solver.get("file") if isinstance(self.solver, dict) else None
 
     @model_validator(mode="after")
@@ -330,9 +331,8 @@ class WindSpec(SolverSpec):
         return self
 
 
-_OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
 WIND_SOLVERS: dict[str, type[SolverSpec]] = dict.fromkeys((*get_args(Solver), "file"), WindSpec)
-"""The block of gslcosim's own wind solvers; they share one, since `auto` is one or the other of them."""
+"""Block of gslcosim's own wind solvers; they share one, since `auto` stands for one or another of them."""
 
 WIND_KINDS = OneOf(
     tag_key="solver",
@@ -350,5 +350,5 @@ WIND_KINDS = OneOf(
         "file": "Wind from a file or folder of another program: `solver: {file: PATH}`.",
     },
 )
-# Chosen by `solver`.
+# Selected by `solver`.
 Wind = Annotated[SerializeAsAny[SolverSpec], WIND_KINDS]
