@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from built_messages import build_sample
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.rng import stream
-from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.sensors import is_ideal, make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models import build_sensor
@@ -14,8 +14,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def sample(ppm, wind=STILL, gas="chlorine"):
-    gases = (GasAmount(gas=gas, mixing_ratio_ppm=ppm),)
-    return MountSample(agent="a", sensor="s", gases=gases, wind_world_m_s=wind)
+    return build_sample("a", "s", wind_m_s=wind, **{gas: ppm})
 
 
 def read(ppms, *, model="pid_ideal", seed=1, gas="chlorine", **more):

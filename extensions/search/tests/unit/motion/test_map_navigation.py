@@ -1,16 +1,13 @@
 import math
 
+import briefings
 import numpy as np
 import pytest
-from built_messages import build_briefing, build_observation
 
 from gslcosim.contract.messages import (
-    Bounds,
     Briefing,
     KnownMap,
     Observation,
-    Reading,
-    SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
 from gslcosim_search.motion.grid_paths import is_free_at
@@ -28,37 +25,15 @@ def plan(*, wall_to_m: float = 6.0) -> KnownMap:
 
 
 def briefing(known_map: KnownMap | None = None) -> Briefing:
-    sensors = (
-        SensorDescription(name="nose", model="pid", quantity="mixing_ratio", unit="ppm", mount_body_m=(0.0, 0.0, 0.0)),
-        SensorDescription(
-            name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
-        ),
-    )
-    return build_briefing(
-        agent="searcher",
-        mission="find it",
-        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 8.0, 4.0)),
-        search_height_m=2.0,
-        hold_s=2.0,
-        time_limit_s=300.0,
-        sensors=sensors,
-        known_map=known_map,
-    )
+    sensors = (("pid", "nose"), ("anemometer", "vane"))
+    return briefings.briefing(sensors=sensors, size_m=(10.0, 8.0, 4.0), known_map=known_map)
 
 
 def observation(
     tick: int, *, position_m=START_M, ppm: float = 0.0, notice: str | None = None, speed_m_s: float = 0.5
 ) -> Observation:
-    return build_observation(
-        tick,
-        agent="searcher",
-        position_world_m=position_m,
-        readings=(
-            Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(ppm,)),
-            Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(speed_m_s, math.pi)),
-        ),
-        notice=notice,
-    )
+    readings = {"nose": ppm, "vane": (speed_m_s, math.pi)}
+    return briefings.observation(tick=tick, position_m=position_m, readings=readings, notice=notice)
 
 
 def flights(known_map: KnownMap | None = None) -> MapNavigator:
