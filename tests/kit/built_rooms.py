@@ -42,10 +42,15 @@ def build_air(
 
 
 def build_closed_room(
-    *, wind_m_s: ArrayLike = STILL_M_S, obstacles: Sequence[tuple[str, Any, Any]] = (), **wind: Any
+    shape: tuple[int, int, int] = (60, 40, 24),
+    *,
+    cell_m: float = 0.25,
+    wind_m_s: ArrayLike = STILL_M_S,
+    obstacles: Sequence[tuple[str, Any, Any]] = (),
+    **wind: Any,
 ) -> Environment:
-    """Return a closed room of 15 x 10 x 6 m with named obstacles; see `build_air` for its wind."""
-    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.25, shape=(60, 40, 24))
+    """Return a closed room, by default of 15 x 10 x 6 m, with named obstacles; see `build_air` for its wind."""
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=shape)
     (x_m, y_m, z_m), wall = grid.max_m, WALL_M
     boxes = [
         Box(name="floor", kind="floor", min_m=(-wall, -wall, -wall), max_m=(x_m + wall, y_m + wall, 0.0)),
