@@ -14,15 +14,15 @@ def install_package(patch: pytest.MonkeyPatch, folder: Path, name: str, group: s
     module = types.ModuleType(name)
     vars(module).update(offers)
     patch.setitem(sys.modules, name, module)
-    lines = [f"{offer} = {name}:{offer}" for offer in offers]
-    write_entry_points(patch, folder, name, f"[{group}]", *lines, "broken = somebodys_missing_module:broken")
+    points = "".join(f"{offer} = {name}:{offer}\n" for offer in offers)
+    write_entry_points(patch, folder, name, f"[{group}]\n{points}broken = somebodys_missing_module:broken\n")
 
 
-def write_entry_points(patch: pytest.MonkeyPatch, folder: Path, name: str, *lines: str) -> None:
+def write_entry_points(patch: pytest.MonkeyPatch, folder: Path, name: str, text: str) -> None:
     """Write what pip writes of a package with these entry points, and put its folder on the path."""
     facts = folder / f"{name}-1.0.dist-info"
     facts.mkdir()
     (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (facts / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    (facts / "entry_points.txt").write_text(text)
     patch.syspath_prepend(str(folder))
     importlib.invalidate_caches()

@@ -23,14 +23,13 @@ class BreezeSpec(SolverSpec):
 
 number = 42
 """
-ENTRY_POINTS = (
-    "[gslcosim.gas_models]",
-    "number = somebodys_air:number",
-    "broken = somebodys_missing:x",
-    "[gslcosim.wind_solvers]",
-    "breeze = somebodys_air:BreezeSpec",
-    "misnamed = somebodys_air:BreezeSpec",
-)
+ENTRY_POINTS = """[gslcosim.gas_models]
+number = somebodys_air:number
+broken = somebodys_missing:x
+[gslcosim.wind_solvers]
+breeze = somebodys_air:BreezeSpec
+misnamed = somebodys_air:BreezeSpec
+"""
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def package(tmp_path, monkeypatch):
     """Install a package that offers a solver, things that are no gas models, and one that cannot be imported."""
     monkeypatch.delitem(sys.modules, "somebodys_air", raising=False)
     (tmp_path / "somebodys_air.py").write_text(MODULE)
-    write_entry_points(monkeypatch, tmp_path, "somebodys_air", *ENTRY_POINTS)
+    write_entry_points(monkeypatch, tmp_path, "somebodys_air", ENTRY_POINTS)
     yield tmp_path / "somebodys_air.py"
     monkeypatch.undo()
     sys.modules.pop("somebodys_air", None)

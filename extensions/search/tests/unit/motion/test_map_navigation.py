@@ -19,9 +19,7 @@ START_M = (2.0, 2.0, 2.0)
 
 def plan(*, wall_to_m: float = 6.0) -> KnownMap:
     """A room of 10 x 8 m with a wall across it at x = 5, open above `wall_to_m`."""
-    occupied = np.zeros((40, 32), np.uint8)
-    occupied[20, : round(wall_to_m / 0.25)] = 1
-    return KnownMap(origin_m=(0.0, 0.0, 2.0), cell_m=0.25, occupied=NumericArray.from_array(occupied), height_m=2.0)
+    return briefings.open_map((10.0, 8.0), walls=[(5.0, 0.0, 5.25, wall_to_m)])
 
 
 def briefing(known_map: KnownMap | None = None) -> Briefing:
