@@ -149,13 +149,6 @@ def test_unknown_models_are_listed_together(scenario, make_room):
         SensingCore(scenario.model_copy(update={"agents": tuple(strange)}), make_room())
 
 
-def test_a_rate_that_does_not_fit_the_ticks_is_refused_before_the_run(scenario, make_room):
-    slow = plain_values(scenario)
-    slow["agents"][1]["sensors"][0]["period_s"] = 0.33
-    with pytest.raises(ScenarioError, match="sensor nose: period_s"):
-        SensingCore(Scenario.model_validate(slow), make_room())
-
-
 def test_each_agent_receives_what_comes_to_it_and_is_reported_of_its_refusals(scenario, make_room):
     fields = plain_values(scenario)
     fields["channels"] = [{"name": "radio", "range_m": 5.0}, {"name": "far"}]

@@ -6,12 +6,8 @@ from surroundings import surroundings_in
 from gslcosim.base.quantities import GAS_QUANTITIES, POINT_GAS_QUANTITIES
 from gslcosim.base.rng import stream
 from gslcosim.methods.card import WIND_QUANTITY
-from gslcosim.scenario.models.sensors import SENSORS, make_sensor_spec
+from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
-
-
-def test_scenarios_know_the_same_sensors():
-    assert tuple(SENSOR_MODELS) == SENSORS
 
 
 @pytest.mark.parametrize("name", sorted(SENSOR_MODELS))
