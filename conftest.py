@@ -4,14 +4,15 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
+from built_rooms import build_closed_room
+from built_scenarios import NOSE, build_agent, build_scenario
 from flaky_tests import is_whole_suite, mark_flaky_tests
 from hypothesis import HealthCheck, settings
 from marked_files import MISREAD, find_misread, is_left_out
 
 from gslcosim.environment.geometry_source import build_still_environment
-from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Environment
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 
@@ -77,63 +78,24 @@ def golden() -> Callable[[str, str], None]:
 @pytest.fixture
 def make_room() -> Callable[..., Environment]:
     """Build a closed room of 15 x 10 x 6 m with uniform wind (one velocity a frame) and named obstacles."""
-
-    def build(*, wind_m_s=((0.0, 0.0, 0.0),), obstacles=(), period_s=1.0, is_looping=True) -> Environment:
-        grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.25, shape=(60, 40, 24))
-        x_m, y_m, z_m = grid.max_m
-        wall = 0.2
-        boxes = [
-            Box(name="floor", kind="floor", min_m=(-wall, -wall, -wall), max_m=(x_m + wall, y_m + wall, 0.0)),
-            Box(name="ceiling", kind="ceiling", min_m=(-wall, -wall, z_m), max_m=(x_m + wall, y_m + wall, z_m + wall)),
-            Box(name="wall_west", kind="wall", min_m=(-wall, -wall, 0.0), max_m=(0.0, y_m + wall, z_m)),
-            Box(name="wall_east", kind="wall", min_m=(x_m, -wall, 0.0), max_m=(x_m + wall, y_m + wall, z_m)),
-            Box(name="wall_south", kind="wall", min_m=(0.0, -wall, 0.0), max_m=(x_m, 0.0, z_m)),
-            Box(name="wall_north", kind="wall", min_m=(0.0, y_m, 0.0), max_m=(x_m, y_m + wall, z_m)),
-        ]
-        occupancy = np.zeros(grid.shape, np.uint8)
-        for name, min_m, max_m in obstacles:
-            boxes.append(Box(name=name, kind="obstacle", min_m=min_m, max_m=max_m))
-            low, high = grid.cell_of(np.array(min_m) + 1e-9), grid.cell_of(np.array(max_m) - 1e-9) + 1
-            occupancy[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = Cell.SOLID
-        velocity_m_s = np.empty((len(wind_m_s), *grid.shape, 3), np.float32)
-        velocity_m_s[:] = np.array(wind_m_s, np.float32)[:, None, None, None, :]
-        return Environment(
-            name="room",
-            grid=grid,
-            occupancy=occupancy,
-            wind=WindFrames(velocity_m_s=velocity_m_s, period_s=period_s, is_looping=is_looping),
-            boxes=tuple(boxes),
-            openings=(),
-            content_hash="room",
-        )
-
-    return build
+    return build_closed_room
 
 
 @pytest.fixture
 def make_scenario() -> Callable[..., Scenario]:
     """Build a scenario of one agent, or one for each of the given changes to that agent's vehicle."""
 
-    def build(*vehicles, mode="on_request", tick_ms=100) -> Scenario:
-        return Scenario.model_validate(
-            {
-                "schema": "gslcosim/scenario/1",
-                "name": "test",
-                "tick_ms": tick_ms,
-                "environment": {"layout": {}},
-                "gas": {"sources": [{"position_m": (5.0, 1.0, 2.0)}]},
-                "agents": [
-                    {
-                        "name": f"agent_{i}",
-                        "start": {"python": "dung_beetle"},
-                        "mode": mode,
-                        "vehicle": {"start_m": (3.0 + 2.0 * i, 3.0, 0.2), "hold_s": 0.5, **vehicle},
-                        "sensors": [{"model": "tgs2600", "name": "nose"}],
-                    }
-                    for i, vehicle in enumerate(vehicles or ({},))
-                ],
-            }
-        )
+    def build(*vehicles, mode="on_request", sensors=(NOSE,), **fields) -> Scenario:
+        agents = [
+            build_agent(
+                f"agent_{i}",
+                mode=mode,
+                sensors=sensors,
+                vehicle={"start_m": (3.0 + 2.0 * i, 3.0, 0.2), "hold_s": 0.5, **vehicle},
+            )
+            for i, vehicle in enumerate(vehicles or ({},))
+        ]
+        return build_scenario(*agents, **fields)
 
     return build
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from built_gas import build_filaments, build_plume, build_source
+from built_rooms import build_air
 
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
-from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, GasSource, filament_amount_mol
-from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim.environment.model import Cell
+from gslcosim_services.fields.filament.plume import filament_amount_mol
 from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, strength_ppm_m3
 
 WIND_M_S = 0.5
@@ -22,24 +23,9 @@ def plume():
     """A plume in steady state in an open box of 12 x 8 x 6 m."""
     cells = np.full((48, 32, 24), Cell.OUTLET, np.uint8)
     cells[1:-1, 1:-1, 1:-1] = Cell.FREE
-    velocity_m_s = np.zeros((1, *cells.shape, 3), np.float32)
-    velocity_m_s[..., 0] = WIND_M_S
-    environment = Environment(
-        name="open",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.25, shape=cells.shape),
-        occupancy=cells,
-        wind=WindFrames(velocity_m_s=velocity_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="open",
-    )
-    source = GasSource(
-        position_world_m=(1.0, 4.0, 3.0),
-        release=ConstantRelease(filaments_per_s=RATE_PER_S),
-        sigma_m=SIGMA0_M,
-        amount_mol=filament_amount_mol(0.01, SIGMA0_M),
-    )
-    made = FilamentPlume(
+    environment = build_air(cells, (WIND_M_S, 0.0, 0.0))
+    source = build_source((1.0, 4.0, 3.0), rate=RATE_PER_S, ppm=0.01, sigma_m=SIGMA0_M)
+    made = build_plume(
         environment, (source,), step_s=0.2, growth_m2_s=GROWTH_M2_S, diffusivity_m2_s=DIFFUSIVITY_M2_S, seed=4
     )
     made.advance(150)
@@ -92,13 +78,7 @@ def test_spread_across_the_wind_follows_its_law(plume):
 
 def test_the_grid_holds_all_gas_that_was_released():
     """The integral of one filament's mixing ratio over all space is its volume, up to the cut-off (1.5e-5)."""
-    puff = Filaments(
-        position_world_m=np.array([[0.1, -0.2, 0.3]]),
-        sigma_m=np.array([0.3]),
-        source_index=np.zeros(1, np.int32),
-        amount_mol=np.array([1e-5]),
-        gas_index=np.zeros(1, np.int32),
-    )
+    puff = build_filaments([(0.1, -0.2, 0.3)], [0.3])
     spacing_m = 0.1
     grid = mixing_ratio_ppm_on_grid(puff, first_point_m=(-2.0, -2.5, -1.8), spacing_m=spacing_m, shape=(41, 47, 43))
-    assert grid.sum() * spacing_m**3 == pytest.approx(strength_ppm_m3(np.array([1e-5]))[0], rel=2e-5)
+    assert grid.sum() * spacing_m**3 == pytest.approx(strength_ppm_m3(puff.amount_mol)[0], rel=2e-5)

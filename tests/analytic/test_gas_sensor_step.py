@@ -3,26 +3,21 @@
 import math
 
 import pytest
+from built_messages import build_sample
 
 from gslcosim.base.rng import stream
-from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, build_mox_kind, steady_ratio
-
-
-def sample(ppm):
-    gas = (GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),)
-    return MountSample(agent="a", sensor="nose", gases=gas, wind_world_m_s=(0.0, 0.0, 0.0))
 
 
 def ohm_after(parameters, tick_s, phases):
     """Read through phases of (ppm, seconds) after one tick in clean air."""
     spec = make_sensor_spec(model=f"{parameters.model}_ideal", name="nose")
     sensor = build_mox_kind(parameters).build(spec, tick_s, stream(1, "test"))
-    ohm = sensor.read(sample(0.0), (0.0, 0.0, 0.0)).values[0]
+    ohm = sensor.read(build_sample(ethanol=0.0), (0.0, 0.0, 0.0)).values[0]
     for ppm, duration_s in phases:
         for _ in range(round(duration_s / tick_s)):
-            ohm = sensor.read(sample(ppm), (0.0, 0.0, 0.0)).values[0]
+            ohm = sensor.read(build_sample(ethanol=ppm), (0.0, 0.0, 0.0)).values[0]
     return ohm
 
 

@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from built_gas import build_plume, build_source
+from built_rooms import build_air
 
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
-from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource
+from gslcosim.environment.model import Cell
 from gslcosim_services.fields.filament.release import ScheduledRelease
 from gslcosim_services.fields.filament.turbulent_step import INNER_G
 from gslcosim_services.fields.turbulence.air import (
@@ -26,25 +27,9 @@ K, EPSILON = k_epsilon_from_intensity(VELOCITY_STD_M_S, LENGTH_M)
 TIME_SCALE_S = lagrangian_time_s(K, EPSILON)
 
 
-def make_room(shape=(100, 100, 100), *, wind_m_s=(0.0, 0.0, 0.0), cell_m=0.5):
-    velocity_m_s = np.zeros((1, *shape, 3), np.float32)
-    velocity_m_s[...] = wind_m_s
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=shape),
-        occupancy=np.zeros(shape, np.uint8),
-        wind=WindFrames(velocity_m_s=velocity_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
-
-
 def make_plume(room, air, *, seed, step_s, place_m, sigma_m=0.05):
-    silent = GasSource(
-        position_world_m=place_m, release=ScheduledRelease(schedule=((0.0, 0.0),)), sigma_m=sigma_m, amount_mol=1e-6
-    )
-    return FilamentPlume(room, (silent,), step_s=step_s, growth_m2_s=0.0, diffusivity_m2_s=0.0, seed=seed, air=air)
+    silent = build_source(place_m, release=ScheduledRelease(schedule=((0.0, 0.0),)), sigma_m=sigma_m, amount_mol=1e-6)
+    return build_plume(room, (silent,), step_s=step_s, growth_m2_s=0.0, diffusivity_m2_s=0.0, seed=seed, air=air)
 
 
 def make_even_air(room, *, k=K, epsilon=EPSILON):
@@ -58,7 +43,7 @@ def make_even_air(room, *, k=K, epsilon=EPSILON):
 @pytest.fixture(scope="module")
 def dispersion():
     """Ways of pairs of tracers [m], (time, pair, tracer, axis), and times [s], in six histories of even turbulence."""
-    room = make_room()
+    room = build_air((100, 100, 100), cell_m=0.5)
     air = make_even_air(room)
     n_pairs, n_steps, step_s = 150, 100, TIME_SCALE_S / 25.0
     ways = []
@@ -98,7 +83,7 @@ def test_pairs_part_as_richardson_says(dispersion):
 
 def test_sizes_grow_as_the_cube_of_time():
     """sigma^(2/3) = sigma0^(2/3) + (g_i eps / 6)^(1/3) t, Richardson 1926."""
-    room = make_room((40, 40, 40))
+    room = build_air((40, 40, 40), cell_m=0.5)
     air = make_even_air(room)
     plume = make_plume(room, air, seed=1, step_s=0.05, place_m=(10.0, 10.0, 10.0), sigma_m=0.01)
     plume.add_filaments(np.array([[10.0, 10.0, 10.0]]))
@@ -110,7 +95,7 @@ def test_sizes_grow_as_the_cube_of_time():
 @pytest.fixture(scope="module")
 def uneven_air():
     """A closed box whose turbulence is sixteen times as strong above as below, with an obstacle."""
-    room = make_room((24, 20, 16), cell_m=0.25)
+    room = build_air((24, 20, 16))
     occupancy = np.array(room.occupancy)
     occupancy[10:14, 8:12, :6] = Cell.SOLID
     room = dataclasses.replace(room, occupancy=occupancy)

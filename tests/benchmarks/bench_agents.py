@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "shared"))
+sys.path[:0] = [str(ROOT / "tests" / "shared"), str(ROOT / "tests" / "kit")]
 
 from languages import SERIES, LanguageAgent, golden_briefing, golden_observations, language_agents  # noqa: E402
 from real_runs import AGENTS  # noqa: E402 - as the tests of that folder

@@ -13,11 +13,16 @@ from pathlib import Path
 import numba
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "kit"))
+
+from built_messages import build_body
+from built_rooms import build_air
+
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Cell, Grid
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import load_scenario
 from gslcosim_services.fields.core import FieldsCore
@@ -63,15 +68,7 @@ def swirling_room(size_m=ROOM_M):
         -1,
     )
     wind[cells == Cell.SOLID] = 0.0
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=CELL_M, shape=shape),
-        occupancy=cells,
-        wind=WindFrames(velocity_m_s=wind[None].astype(np.float32)),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
+    return build_air(cells, wind[None], cell_m=CELL_M)
 
 
 def plume_of(n, environment, age_s=150.0, buoyancy=NEUTRAL):
@@ -244,16 +241,7 @@ def _spent_on_blocks(core, inboxes, n_ticks=100):
 def _body(tick):
     # On its way through the room, as a vehicle is.
     along = (tick % 1000) / 1000.0
-    return BodyState(
-        agent="beetle",
-        position_world_m=(2.0 + 11.0 * along, 1.0 + 8.0 * along, 2.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
+    return build_body("beetle", (2.0 + 11.0 * along, 1.0 + 8.0 * along, 2.0))
 
 
 def spread_filaments(n, size_m):

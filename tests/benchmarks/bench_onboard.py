@@ -4,6 +4,7 @@
 process, and of each tick the best of all rounds counts, so that what else the machine does is left out.
 """
 
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -11,11 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "kit"))
+
+from built_messages import build_body
+from built_rooms import build_air
+from built_scenarios import build_agent, build_scenario
+
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import BodyState
 from gslcosim.contract.record import NumericArray
 from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Box, Cell, Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime import in_process
 from gslcosim.runtime.run import run_scenario
@@ -98,9 +105,7 @@ def print_runs() -> None:
 
 def scenario_with(*sensors: dict[str, object]) -> Scenario:
     """Return a scenario whose vehicle has these sensors; its environment does not matter."""
-    agent = {"name": "a", "start": {"python": "dung_beetle"}, "vehicle": {"start_m": (1, 1, 0.1)}, "sensors": sensors}
-    fields = {"schema": "gslcosim/scenario/1", "name": "bench", "environment": {"layout": {}}}
-    return Scenario.model_validate({**fields, "gas": {"sources": [{"position_m": (5, 1, 2)}]}, "agents": [agent]})
+    return build_scenario(build_agent("a", sensors=sensors))
 
 
 def room_of_boxes() -> Environment:
@@ -111,12 +116,7 @@ def room_of_boxes() -> Environment:
         Box(name=f"box_{i}", kind="obstacle", min_m=tuple(low.tolist()), max_m=tuple((low + side).tolist()))
         for i, (low, side) in enumerate(zip(low_m, high_m, strict=True))
     )
-    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(60, 30, 16))
-    wind = WindFrames(velocity_m_s=np.zeros((1, *grid.shape, 3), np.float32))
-    cells = np.zeros(grid.shape, np.uint8)
-    return Environment(
-        name="boxes", grid=grid, occupancy=cells, wind=wind, boxes=boxes, openings=(), content_hash="bench"
-    )
+    return build_air((60, 30, 16), cell_m=0.5, boxes=boxes)
 
 
 def complex_warehouse() -> Environment:
@@ -129,19 +129,7 @@ def complex_warehouse() -> Environment:
 
 def body_at(position_m: np.ndarray) -> BodyState:
     """Return a vehicle at rest there."""
-    x_m, y_m, z_m = position_m.tolist()
-    still = (0.0, 0.0, 0.0)
-    return BodyState(
-        agent="a",
-        position_world_m=(x_m, y_m, z_m),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=still,
-        angular_velocity_body_rad_s=still,
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-        inertial_body=NumericArray.from_array(np.ones((25, 9))),
-    )
+    return build_body("a", tuple(position_m.tolist()), inertial_body=NumericArray.from_array(np.ones((25, 9))))
 
 
 def reading_us(model: str, environment: Environment, n_places: int = 20) -> tuple[float, int]:

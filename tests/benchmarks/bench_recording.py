@@ -8,39 +8,17 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/unit/services/recorder"))
+sys.path[:0] = [str(ROOT / "tests/unit/services/recorder"), str(ROOT / "tests/kit")]
 
+from built_rooms import build_air  # noqa: E402
 from scripted_flight import ScriptedFlight  # noqa: E402
 
 from gslcosim.contract.participant import Episode  # noqa: E402
-from gslcosim.environment.model import (  # noqa: E402
-    Environment,
-    Grid,
-    WindFrames,
-)
 from gslcosim_services.recorder.core import RecorderCore  # noqa: E402
 
 N_TICKS = 3000
 N_RUNS = 5
-
-
-def room():
-    """The quickstart's room with uniform wind."""
-    shape = (75, 75, 40)
-    wind = np.zeros((1, *shape, 3), np.float32)
-    wind[..., 0] = 0.2
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.2, shape=shape),
-        occupancy=np.zeros(shape, np.uint8),
-        wind=WindFrames(velocity_m_s=wind),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
 
 
 def record(n_filaments):
@@ -48,7 +26,9 @@ def record(n_filaments):
     flight = ScriptedFlight(n_ticks=N_TICKS, n_filaments=n_filaments)
     inboxes = [flight.inbox(tick) for tick in range(N_TICKS)]
     with tempfile.TemporaryDirectory() as folder:
-        core = RecorderCore(flight.scenario, room(), Path(folder) / "recording.rrd")
+        core = RecorderCore(
+            flight.scenario, build_air((75, 75, 40), (0.2, 0.0, 0.0), cell_m=0.2), Path(folder) / "recording.rrd"
+        )
         core.reset(Episode(seed=0))
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         for tick, inbox in enumerate(inboxes):

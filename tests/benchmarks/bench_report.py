@@ -5,7 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "bench" / "report"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "kit"))
 
 import synthetic
 

@@ -5,13 +5,17 @@
 
 import sys
 import time
+from pathlib import Path
 
-import numpy as np
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "kit"))
+
+from built_rooms import build_closed_room
+from built_scenarios import build_agent, build_scenario
 
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.model import Box, Environment, Grid, WindFrames
+from gslcosim.environment.model import Environment
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_services.world.core import WorldCore
 
@@ -28,46 +32,17 @@ TARGETS = {(model, n): times for model in ("iris", "crazyflie") for n, times in 
 
 def room() -> Environment:
     """Return a closed room of 30 x 15 x 8 m with wind."""
-    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.2, shape=(150, 75, 40))
-    x_m, y_m, z_m = grid.max_m
-    corners = {
-        "floor": ((0.0, 0.0, -0.2), (x_m, y_m, 0.0)),
-        "ceiling": ((0.0, 0.0, z_m), (x_m, y_m, z_m + 0.2)),
-        "wall_west": ((-0.2, 0.0, 0.0), (0.0, y_m, z_m)),
-        "wall_east": ((x_m, 0.0, 0.0), (x_m + 0.2, y_m, z_m)),
-        "wall_south": ((0.0, -0.2, 0.0), (x_m, 0.0, z_m)),
-        "wall_north": ((0.0, y_m, 0.0), (x_m, y_m + 0.2, z_m)),
-    }
-    boxes = tuple(
-        Box(name=name, kind="floor" if name == "floor" else "wall", min_m=low, max_m=high)
-        for name, (low, high) in corners.items()
-    )
-    return Environment(
-        name="room",
-        grid=grid,
-        occupancy=np.zeros(grid.shape, np.uint8),
-        wind=WindFrames(velocity_m_s=np.full((1, *grid.shape, 3), 0.3, np.float32)),
-        boxes=boxes,
-        openings=(),
-        content_hash="bench",
-    )
+    return build_closed_room((150, 75, 40), cell_m=0.2, wind_m_s=(0.3, 0.3, 0.3))
 
 
 def scenario(model: str, n_vehicles: int, separation_m: float) -> Scenario:
     """Return a scenario of vehicles of one model, two metres apart."""
-    agents = [
-        {
-            "name": f"agent_{i}",
-            "start": {"python": "dung_beetle"},
-            "mode": "lockstep",
-            "vehicle": {"model": model, "start_m": (3.0 + 2.0 * i, 3.0, 0.1), "separation_m": separation_m},
-            "sensors": [{"model": "tgs2600", "name": "nose"}],
-        }
-        for i in range(n_vehicles)
-    ]
-    gas = {"sources": [{"position_m": (5.0, 1.0, 2.0)}]}
-    fields = {"schema": "gslcosim/scenario/1", "name": "bench", "environment": {"layout": {}}, "gas": gas}
-    return Scenario.model_validate({**fields, "tick_ms": TICK_MS, "agents": agents})
+    vehicle = {"model": model, "separation_m": separation_m}
+    places_m = [(3.0 + 2.0 * i, 3.0, 0.1) for i in range(n_vehicles)]
+    agents = (
+        build_agent(f"agent_{i}", place_m, mode="lockstep", vehicle=vehicle) for i, place_m in enumerate(places_m)
+    )
+    return build_scenario(*agents, tick_ms=TICK_MS)
 
 
 def seconds_per_tick(core: WorldCore, model: str, n_vehicles: int, *, change_places: bool) -> float:

@@ -6,34 +6,14 @@ The series is not physical: it visits walls, corners, refusals, rising and falli
 import json
 
 import pytest
-from built_messages import build_briefing, build_observation
+from briefings import observation
+from languages import golden_briefing
 
-from gslcosim.agent_kit import Briefing, Reading
-from gslcosim.contract.messages import Bounds, SensorDescription
 from gslcosim_agents.dung_beetle.agent import DungBeetle
 
 N_OBSERVATIONS = 60
 SEEDS = (1, 2, 2**31 - 1)
 MAX_M = (15.0, 9.0, 8.0)
-
-
-def briefing(seed: int) -> Briefing:
-    return build_briefing(
-        contract_version="1.0",
-        seed=seed,
-        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=MAX_M),
-        search_height_m=2.0,
-        hold_s=2.0,
-        time_limit_s=300.0,
-        sensors=(
-            SensorDescription(
-                name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.0)
-            ),
-            SensorDescription(
-                name="wind", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
-            ),
-        ),
-    )
 
 
 def series(seed: int):
@@ -48,19 +28,12 @@ def series(seed: int):
 
 def observations(seed: int):
     for tick, (ohm, upwind_rad, position_m, notice) in enumerate(series(seed)):
-        yield build_observation(
-            tick,
-            position_world_m=position_m,
-            readings=(
-                Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
-                Reading(sensor="wind", quantity="apparent_wind", unit="m/s, rad", values=(0.5, upwind_rad)),
-            ),
-            notice=notice,
-        )
+        readings = {"nose": ohm, "wind": (0.5, upwind_rad)}
+        yield observation(tick=tick, name="beetle", position_m=position_m, readings=readings, notice=notice)
 
 
 def answer(seed: int) -> list[dict[str, object]]:
-    beetle = DungBeetle(briefing(seed))
+    beetle = DungBeetle(golden_briefing(seed))
     return [
         {
             "ohm": seen.reading("nose").values[0],
@@ -82,7 +55,7 @@ def test_the_answers_are_the_golden_ones(golden):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_series_seeks_zigzags_both_ways_and_draws(seed):
     """Otherwise the vectors would not tell a wrong implementation from a right one."""
-    beetle = DungBeetle(briefing(seed))
+    beetle = DungBeetle(golden_briefing(seed))
     sides = set()
     for seen in observations(seed):
         beetle.decide(seen)

@@ -5,16 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from built_messages import build_sample
+from built_runs import build_setup
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
+from gslcosim.contract.messages import FieldSamples
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.participant_messages import ParticipantValues
-from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.store import load_environment
 from gslcosim.runtime.external.core import ExternalCore
-from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 
@@ -39,14 +37,7 @@ def core_of(tmp_path):
         overrides = [f"participants=[{json.dumps(block(**words))}]"]
         overrides += ["snapshots.every_s=1"] if snapshots else []
         loaded = load_scenario("tiny_room", overrides=overrides)
-        environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-        setup = RunSetup(
-            run_dir=RunDir.create(tmp_path, name="run", seed=1),
-            scenario=loaded.scenario,
-            environment_dir=environment_dir,
-            environment=load_environment(environment_dir),
-            directory=tmp_path,
-        )
+        setup = build_setup(loaded, tmp_path, directory=tmp_path)
         cores.append(ExternalCore(loaded.scenario.participants[0], setup, TYPES))
         return cores[-1]
 
@@ -56,8 +47,7 @@ def core_of(tmp_path):
 
 
 def samples(tick, ppm=1.0):
-    gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),)
-    sample = MountSample(agent="beetle", sensor="nose", gases=gases, wind_world_m_s=(0.5, 0.0, 0.0))
+    sample = build_sample(wind_m_s=(0.5, 0.0, 0.0), ethanol=ppm)
     return {"truth/samples": FieldSamples(tick=tick, samples=(sample,))}
 
 

@@ -4,15 +4,12 @@ import io
 
 import numpy as np
 import pytest
+from built_runs import build_setup
 from PIL import Image
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
-from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.store import load_environment
-from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core, list_service_names
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, CameraSensorSpec, OnBoardSensorSpec
@@ -51,14 +48,9 @@ def loaded():
 def flown(loaded, tmp_path_factory):
     """The scenario as flown, without cameras where nothing can draw, and what the agent saw at each tick."""
     directory = tmp_path_factory.mktemp("flown")
-    environment_dir = prepare_environment(
-        loaded.scenario, scenario_dir=loaded.directory, progress=lambda _text, _fraction: None, cache_dir=directory
-    )
-    environment = load_environment(environment_dir)
 
     def observations(scenario):
-        run_dir = RunDir.create(directory, name="run", seed=1)
-        setup = RunSetup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)
+        setup = build_setup(loaded, directory, scenario=scenario)
         names = [name for name in list_service_names(scenario) if name != "referee"]
         cores = [build_core(name, setup) for name in names]
         for core in cores:

@@ -1,14 +1,11 @@
 """Services make messages without checks: what they write would pass them all, and be written the same again."""
 
 import pytest
+from built_runs import build_setup
 
 from gslcosim.contract import codec
-from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.store import load_environment
 from gslcosim.runtime.in_process import run_in_process
 from gslcosim.runtime.network import Network
-from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.loader import load_scenario
 
 FOR_SECONDS = {"tiny_room": 20, "swarm_tiny": 20, "event_sensor": 20, "event_radio": 20, "on_board_sensors": 5}
@@ -19,14 +16,7 @@ FOR_SECONDS = {"tiny_room": 20, "swarm_tiny": 20, "event_sensor": 20, "event_rad
 def test_every_message_of_a_run_passes_all_checks_and_comes_back_byte_for_byte(name, tmp_path):
     cut = [f"referee.stop.time_limit_s={FOR_SECONDS[name]}", "recording.enabled=false"]
     loaded = load_scenario(name, overrides=cut)
-    environment_dir = prepare_environment(
-        loaded.scenario, scenario_dir=loaded.directory, progress=lambda _text, _fraction: None
-    )
-    run_dir = RunDir.create(tmp_path, name=name, seed=1)
-    environment = load_environment(environment_dir)
-    setup = RunSetup(
-        run_dir=run_dir, scenario=loaded.scenario, environment_dir=environment_dir, environment=environment
-    )
+    setup = build_setup(loaded, tmp_path)
     seen = set()
 
     def watch(port, message):

@@ -5,6 +5,7 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
+from built_runs import build_setup
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from in_memory_bus import InMemoryBus, InMemoryHub
@@ -12,8 +13,6 @@ from in_memory_bus import InMemoryBus, InMemoryHub
 from gslcosim.base.errors import ExitCode
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Observation, Verdict
-from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.session import AgentJoined
 from gslcosim.runtime.digest import HashChain
@@ -27,7 +26,6 @@ from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_dataflow, group_services, list_service_names
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
 from gslcosim.scenario import load_scenario
 
@@ -111,13 +109,7 @@ class Ends:
     def __init__(self, name, folder):
         loaded = load_scenario(name)
         self.scenario, self.directory, self.folder = loaded.scenario, loaded.directory, folder
-        environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-        self.setup = RunSetup(
-            run_dir=RunDir(folder),
-            scenario=loaded.scenario,
-            environment_dir=environment_dir,
-            environment=load_environment(environment_dir),
-        )
+        self.setup = build_setup(loaded, folder, run_dir=RunDir(folder))
         self.services = list_service_names(loaded.scenario)
         self.agents = [agent.name for agent in loaded.scenario.agents]
         self.sent = {}

@@ -1,12 +1,13 @@
 """Gas and walls: no filament in a solid cell, none through a wall, at any step, wind and spread."""
 
 import numpy as np
+from built_gas import build_plume, build_source
+from built_rooms import build_air
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
-from gslcosim_services.fields.filament.plume import Buoyancy, FilamentPlume, GasSource
-from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim.environment.model import Cell
+from gslcosim_services.fields.filament.plume import Buoyancy
 
 SHAPE = (9, 7, 5)
 CELL_M = 0.2
@@ -23,15 +24,7 @@ place_frac = st.tuples(*[st.sampled_from([0.0, 1e-12, 0.5, 1.0 - 1e-12]) for _ i
 def room(cells, wind):
     velocity_m_s = np.zeros((1, *cells.shape, 3), np.float32)
     velocity_m_s[0, cells != Cell.SOLID] = wind
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=ORIGIN_M, cell_m=CELL_M, shape=cells.shape),
-        occupancy=cells,
-        wind=WindFrames(velocity_m_s=velocity_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
+    return build_air(cells, velocity_m_s, cell_m=CELL_M, origin_m=ORIGIN_M)
 
 
 def plume_in(environment, source_cell, step_s, diffusivity_m2_s, seed, *, place=(0.5, 0.5, 0.5), buoyancy=0.0):
@@ -42,16 +35,9 @@ def plume_in(environment, source_cell, step_s, diffusivity_m2_s, seed, *, place=
         is_below = environment.grid.cell_of(place_m) < source_cell
         place_m = np.where(is_above, np.nextafter(place_m, -np.inf), place_m)
         place_m = np.where(is_below, np.nextafter(place_m, np.inf), place_m)
-    source = GasSource(
-        position_world_m=tuple(place_m.tolist()),
-        release=ConstantRelease(filaments_per_s=40.0 / step_s),
-        sigma_m=0.1,
-        amount_mol=1e-6,
-        buoyancy=Buoyancy(coefficient=buoyancy, power=1),
-    )
-    return FilamentPlume(
-        environment, (source,), step_s=step_s, growth_m2_s=0.001, diffusivity_m2_s=diffusivity_m2_s, seed=seed
-    )
+    rising = Buoyancy(coefficient=buoyancy, power=1)
+    source = build_source(tuple(place_m.tolist()), rate=40.0 / step_s, amount_mol=1e-6, buoyancy=rising)
+    return build_plume(environment, (source,), step_s=step_s, diffusivity_m2_s=diffusivity_m2_s, seed=seed)
 
 
 def cells_of(plume, environment):

@@ -5,47 +5,26 @@ from concurrent.futures import ThreadPoolExecutor
 import numba
 import numpy as np
 import pytest
+from built_gas import build_plume, build_source
+from built_rooms import build_air
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.model import Environment, Grid, WindFrames
-from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
-from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.filament.plume import filament_amount_mol
 from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 WIND_M_S = (0.4, -0.1, 0.05)
+ORIGIN_M = (0.0, 0.0, 0.0)
 
 
 def wide_air():
     """30 x 20 x 15 m of air in coarse cells with uniform wind: nothing reaches the border."""
-    shape = (30, 20, 15)
-    velocity_m_s = np.empty((1, *shape, 3), np.float32)
-    velocity_m_s[:] = WIND_M_S
-    return Environment(
-        name="wide",
-        grid=Grid(origin_m=(-10.0, -10.0, -7.5), cell_m=1.0, shape=shape),
-        occupancy=np.zeros(shape, np.uint8),
-        wind=WindFrames(velocity_m_s=velocity_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="wide",
-    )
-
-
-def source_at(position_m=(0.0, 0.0, 0.0), rate=10.0, ppm=10.0):
-    return GasSource(
-        position_world_m=position_m,
-        release=ConstantRelease(filaments_per_s=rate),
-        sigma_m=0.1,
-        amount_mol=filament_amount_mol(ppm, 0.1),
-    )
+    return build_air((30, 20, 15), WIND_M_S, cell_m=1.0, origin_m=(-10.0, -10.0, -7.5))
 
 
 def plume_after(time_s, *, step_s, sources, seed=1, diffusivity_m2_s=0.01):
-    plume = FilamentPlume(
-        wide_air(), sources, step_s=step_s, growth_m2_s=0.001, diffusivity_m2_s=diffusivity_m2_s, seed=seed
-    )
+    plume = build_plume(wide_air(), sources, step_s=step_s, diffusivity_m2_s=diffusivity_m2_s, seed=seed)
     plume.advance(round(time_s / step_s))
     return plume
 
@@ -61,7 +40,9 @@ def moments_about_the_wind(plume, time_s):
 @pytest.mark.parametrize("step_s", [0.5, 0.1, 0.05])
 def test_spread_does_not_depend_on_the_step(step_s):
     """Offsets from the wind's path over sqrt(2 D age) have variance 1 and mean 0 for any dt."""
-    normalised = moments_about_the_wind(plume_after(4.0, step_s=step_s, sources=(source_at(rate=2000.0),)), 4.0)
+    normalised = moments_about_the_wind(
+        plume_after(4.0, step_s=step_s, sources=(build_source(ORIGIN_M, rate=2000.0),)), 4.0
+    )
     assert normalised.var() == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(normalised)))
     assert normalised.mean() == pytest.approx(0.0, abs=4 / np.sqrt(len(normalised)))
 
@@ -71,7 +52,9 @@ def test_spread_does_not_depend_on_the_step(step_s):
 def test_without_eddies_any_step_gives_the_same_filaments(rate, n_steps, parts):
     """In uniform wind the places and sizes are exact, births within a step included."""
     coarse, fine = (
-        plume_after(0.2 * n_steps, step_s=dt, sources=(source_at(rate=rate),), diffusivity_m2_s=0.0).filaments
+        plume_after(
+            0.2 * n_steps, step_s=dt, sources=(build_source(ORIGIN_M, rate=rate),), diffusivity_m2_s=0.0
+        ).filaments
         for dt in (0.2, 0.2 / parts)
     )
     np.testing.assert_allclose(coarse.position_world_m, fine.position_world_m, rtol=0, atol=1e-5)
@@ -83,7 +66,7 @@ def test_without_eddies_any_step_gives_the_same_filaments(rate, n_steps, parts):
 def test_sources_superpose(n, seed):
     """The gas of several sources is the sum of what each gives alone."""
     rng = np.random.default_rng(seed)
-    sources = tuple(source_at(tuple(rng.uniform(-2, 2, 3).tolist()), rng.uniform(1, 30)) for _ in range(n))
+    sources = tuple(build_source(tuple(rng.uniform(-2, 2, 3).tolist()), rate=rng.uniform(1, 30)) for _ in range(n))
     points = rng.uniform(-3, 3, (5, 3))
     together = mixing_ratio_ppm_at(
         points, plume_after(5.0, step_s=0.1, sources=sources, diffusivity_m2_s=0.0).filaments
@@ -99,7 +82,7 @@ def test_sources_superpose(n, seed):
 @settings(deadline=None, max_examples=25)
 @given(rate=st.floats(0.5, 300.0), n_steps=st.integers(1, 50), step=st.sampled_from([0.01, 0.1, 0.3]))
 def test_gas_is_conserved_while_nothing_leaves(rate, n_steps, step):
-    plume = plume_after(n_steps * step, step_s=step, sources=(source_at(rate=rate),))
+    plume = plume_after(n_steps * step, step_s=step, sources=(build_source(ORIGIN_M, rate=rate),))
     released_mol = int(rate * n_steps * step + 1e-9) * filament_amount_mol(10.0, 0.1)
     held = plume.filaments
     assert held.amount_mol[held.source_index].sum() == pytest.approx(released_mol, rel=1e-12)
@@ -107,7 +90,7 @@ def test_gas_is_conserved_while_nothing_leaves(rate, n_steps, step):
 
 def plume_and_readings(seed):
     """Places and sizes of a plume's filaments, and readings among them through the index."""
-    held = plume_after(6.0, step_s=0.1, sources=(source_at(rate=200.0),), seed=seed).filaments
+    held = plume_after(6.0, step_s=0.1, sources=(build_source(ORIGIN_M, rate=200.0),), seed=seed).filaments
     index = FilamentIndex(min_m=(-10.0, -10.0, -7.5), max_m=(20.0, 10.0, 7.5))
     index.build(held)
     points_m = np.random.default_rng(seed).uniform(-1.0, 2.0, (50, 3))

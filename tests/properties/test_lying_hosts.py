@@ -3,20 +3,21 @@
 import contextlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import msgpack
-import numpy as np
 import pytest
 import yaml
+from built_rooms import build_air
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from in_memory_bus import InMemoryHub
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault, UsageError
 from gslcosim.bus.interface import JoinData
-from gslcosim.environment.model import Environment, Grid, WindFrames, content_hash
+from gslcosim.environment.model import content_hash
 from gslcosim.environment.store import save_environment
 from gslcosim.runtime import remote_server
 from gslcosim.runtime.distributed import protocol
@@ -45,11 +46,8 @@ MANY = settings(max_examples=80, deadline=None, suppress_health_check=[HealthChe
 def host(tmp_path_factory):
     """What an honest host would offer, the places of the other host, and what may not change there."""
     base = tmp_path_factory.mktemp("lies")
-    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(3, 4, 5))
-    wind = WindFrames(velocity_m_s=np.zeros((1, 3, 4, 5, 3), np.float32), period_s=1.0, is_looping=True)
-    facts = {"name": "small", "grid": grid, "occupancy": np.zeros(grid.shape, np.uint8), "boxes": (), "openings": ()}
-    content = content_hash(Environment(**facts, wind=wind, content_hash=""), wind)
-    room = Environment(**facts, wind=wind, content_hash=content)
+    still = build_air((3, 4, 5), cell_m=0.5)
+    room = replace(still, content_hash=content_hash(still, still.wind))
     save_environment(room, base / "host" / "room")
     (base / "scenario.yaml").write_text(dump_resolved(load_scenario("tiny_room").scenario))
     setup = SimpleNamespace(

@@ -3,13 +3,14 @@
 import math
 
 import pytest
+from built_messages import build_body
+from built_scenarios import build_agent, build_scenario
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
+from gslcosim.contract.messages import BodyPoses, Command, RadioMessage
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_services.radio.core import RadioCore
 
 COORDINATES_M = st.floats(-50, 50)
@@ -17,43 +18,15 @@ PLACES_M = st.tuples(COORDINATES_M, COORDINATES_M, COORDINATES_M)
 RANGES_M = st.floats(0.01, 100)
 
 
-def body(agent, position_m):
-    return BodyState(
-        agent=agent,
-        position_world_m=position_m,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-
-
 def swarm(n_agents, seed=1, **channel):
-    sensors = [{"model": "pid", "name": "nose"}]
-    return RadioCore(
-        Scenario.model_validate(
-            {
-                "schema": "gslcosim/scenario/1",
-                "name": "swarm",
-                "seed": seed,
-                "environment": {"layout": {}},
-                "gas": {"sources": [{"position_m": (5.0, 1.0, 2.0)}]},
-                "agents": [
-                    {"name": f"a{i}", "start": {"attach": True}, "vehicle": {"start_m": (i, 1, 0)}, "sensors": sensors}
-                    for i in range(n_agents)
-                ],
-                "channels": [{"name": "radio", **channel}],
-            }
-        )
-    )
+    agents = (build_agent(f"a{i}", (i, 1, 0)) for i in range(n_agents))
+    return RadioCore(build_scenario(*agents, seed=seed, channels=[{"name": "radio", **channel}]))
 
 
 def fly(core, places_m, senders, n_ticks=1, seed=1):
     """Let the senders say one thing each at every tick; return what became of it: [(sender, transmission)]."""
     core.reset(Episode(seed=seed))
-    bodies = tuple(body(f"a{i}", place_m) for i, place_m in enumerate(places_m))
+    bodies = tuple(build_body(f"a{i}", place_m) for i, place_m in enumerate(places_m))
     found = []
     for tick in range(1, n_ticks + 1):
         inbox = {keys.BODIES: BodyPoses(tick=tick - 1, bodies=bodies)}

@@ -1,7 +1,9 @@
 """Whatever happens to the vehicles, the referee keeps its promises to those who read the score."""
 
-import numpy as np
 import pytest
+from built_messages import build_body
+from built_rooms import build_air
+from built_scenarios import build_agent, build_scenario
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -9,7 +11,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.record import validate_fields
-from gslcosim.environment.model import Box, Environment, Grid, WindFrames
+from gslcosim.environment.model import Box, Environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.referee.core import RefereeCore
 
@@ -19,28 +21,9 @@ ENDS = ONCE - {"take_off", "gas_contact"}
 
 
 def scenario(success_of: str, *, on_collision: bool) -> Scenario:
-    agents = [
-        {
-            "name": name,
-            "start": {"attach": True},
-            "vehicle": {"start_m": (3.0, 3.0, 0.2)},
-            "sensors": [{"model": "tgs2600", "name": "nose"}],
-        }
-        for name in AGENTS
-    ]
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "test",
-            "environment": {"layout": {}},
-            "gas": {"sources": [{"position_m": (5.0, 1.0, 2.0)}]},
-            "agents": agents,
-            "referee": {
-                "success": {"within_m": 1.0, "of": success_of},
-                "stop": {"time_limit_s": 2.0, "on_collision": on_collision},
-            },
-        }
-    )
+    stop = {"time_limit_s": 2.0, "on_collision": on_collision}
+    referee = {"success": {"within_m": 1.0, "of": success_of}, "stop": stop}
+    return build_scenario(*(build_agent(name) for name in AGENTS), referee=referee)
 
 
 @st.composite
@@ -48,12 +31,9 @@ def bodies(draw, agent: str) -> BodyState:
     # Most places are far from the source and inside, so that runs last for a while.
     inside = st.tuples(st.floats(6.5, 14.0), st.floats(3.0, 9.0), st.floats(0.5, 5.0))
     near_or_outside = st.sampled_from([(5.0, 1.5, 2.0), (99.0, 1.0, 1.0)])
-    return BodyState(
-        agent=agent,
-        position_world_m=draw(st.one_of(*[inside] * 9, near_or_outside)),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+    return build_body(
+        agent,
+        draw(st.one_of(*[inside] * 9, near_or_outside)),
         phase=draw(st.sampled_from(["on_ground", "taking_off", "flying", "holding"] * 4 + ["failed"])),
         awaiting_command=draw(st.booleans()),
         path_length_m=draw(st.integers(0, 400)) / 4,
@@ -80,16 +60,8 @@ moments = st.tuples(
 
 @pytest.fixture(scope="module")
 def room() -> Environment:
-    shape = (30, 20, 12)
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=shape),
-        occupancy=np.zeros(shape, np.uint8),
-        wind=WindFrames(velocity_m_s=np.zeros((1, *shape, 3), np.float32)),
-        boxes=(Box(name="floor", kind="floor", min_m=(0.0, 0.0, -0.2), max_m=(15.0, 10.0, 0.0)),),
-        openings=(),
-        content_hash="0",
-    )
+    floor = Box(name="floor", kind="floor", min_m=(0.0, 0.0, -0.2), max_m=(15.0, 10.0, 0.0))
+    return build_air((30, 20, 12), cell_m=0.5, boxes=[floor])
 
 
 @pytest.mark.slow

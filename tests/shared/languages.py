@@ -16,20 +16,13 @@ from typing import IO
 
 import pytest
 import yaml
+from briefings import sensor
+from built_messages import build_briefing, build_observation
 from deadlines import BUILD_S, EVENT_S
 from real_runs import ROOT
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import (
-    Bounds,
-    Briefing,
-    Command,
-    Ending,
-    Message,
-    Observation,
-    Reading,
-    SensorDescription,
-)
+from gslcosim.contract.messages import Bounds, Briefing, Command, Ending, Message, Observation, Reading
 from gslcosim.gateway.frame_codec import Frame, FrameOrRefusal, Splitter, build_splitter, decode_payload, encode_message
 from gslcosim_conformance.scaffold import list_languages
 
@@ -191,41 +184,23 @@ def build(folder: Path, command: tuple[str, ...]) -> str:
 
 def golden_briefing(seed: int) -> Briefing:
     """Return the briefing of the golden series."""
-    return Briefing(
-        tick=0,
-        agent="beetle",
+    return build_briefing(
         contract_version="1.0",
-        mission="",
-        tick_ns=100_000_000,
         seed=seed,
-        mode="on_request",
-        latency_ticks=1,
-        gas="ethanol",
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 9.0, 8.0)),
         search_height_m=2.0,
         hold_s=2.0,
         time_limit_s=300.0,
-        sensors=(
-            SensorDescription(name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0,) * 3),
-            SensorDescription(
-                name="wind", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0,) * 3
-            ),
-        ),
+        sensors=(sensor("tgs2600", "nose"), sensor("anemometer", "wind")),
     )
 
 
 def golden_observations(steps: list[dict]) -> Iterator[Observation]:
     """Yield the observations of one golden series, each awaiting a command."""
     for tick, step in enumerate(steps):
-        yield Observation(
-            tick=tick,
-            agent="beetle",
-            time_s=tick / 10,
+        yield build_observation(
+            tick,
             position_world_m=tuple(step["position_m"]),
-            yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0),
-            status="holding",
-            awaiting_command=True,
             readings=(
                 Reading(sensor="nose", quantity="resistance", unit="ohm", values=(step["ohm"],)),
                 Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.5, step["upwind_rad"])),

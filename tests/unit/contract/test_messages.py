@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from built_messages import build_observation
+from built_messages import build_body, build_observation
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec, keys, messages
@@ -13,16 +13,7 @@ from gslcosim.contract.schema import get_contract_hash, list_message_types
 
 
 def body(agent: str, *, awaiting_command: bool) -> BodyState:
-    return BodyState(
-        agent=agent,
-        position_world_m=(0.0, 0.0, 0.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="holding",
-        awaiting_command=awaiting_command,
-        path_length_m=0.0,
-    )
+    return build_body(agent, phase="holding", awaiting_command=awaiting_command)
 
 
 def test_bodies_announce_the_commands_of_the_agents_that_are_asked():

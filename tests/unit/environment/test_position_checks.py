@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from built_scenarios import build_agent, build_scenario
 
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, WindFrames, with_wind
@@ -13,23 +14,14 @@ SHELF = {"name": "shelf", "min_m": [4.0, 2.0, 0.0], "max_m": [6.0, 3.0, 2.0]}
 
 
 def scenario(*starts_m, sources=((2.0, 2.0, 2.0),), obstacles=(SHELF,), search_height_m=2.0, environment=None):
-    layout = {"size_m": [12.0, 10.0, 5.0], "obstacles": list(obstacles)}
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "test",
-            "environment": environment or {"layout": layout},
-            "gas": {"sources": [{"position_m": position_m} for position_m in sources]},
-            "agents": [
-                {
-                    "name": f"agent_{i}",
-                    "start": {"attach": True},
-                    "vehicle": {"start_m": start_m, "search_height_m": search_height_m},
-                    "sensors": [{"model": "tgs2600", "name": "nose"}],
-                }
-                for i, start_m in enumerate(starts_m or ((10.0, 8.0, 0.2),))
-            ],
-        }
+    agents = [
+        build_agent(f"agent_{i}", start_m, vehicle={"search_height_m": search_height_m})
+        for i, start_m in enumerate(starts_m or ((10.0, 8.0, 0.2),))
+    ]
+    return build_scenario(
+        *agents,
+        environment=environment or {"layout": {"size_m": [12.0, 10.0, 5.0], "obstacles": list(obstacles)}},
+        gas={"sources": [{"position_m": position_m} for position_m in sources]},
     )
 
 

@@ -7,7 +7,7 @@ from gslcosim.base import extensions
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.environment.positions import draw_positions
 from gslcosim.environment.readers import list_reader_keys
-from gslcosim.scenario.checks.registry import list_scenario_checks
+from gslcosim.scenario.checks.registry import list_checks, list_scenario_checks
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, WindSpec
 from gslcosim.scenario.problems import InvalidScenarioError
@@ -32,7 +32,9 @@ def load(tmp_path, monkeypatch):
         path.write_text(yaml.safe_dump({**values, **blocks}))
         return load_scenario(str(path), checks=list_scenario_checks("room"), placer=draw_positions)
 
-    return read
+    list_checks.cache_clear()
+    yield read
+    list_checks.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -47,12 +47,6 @@ def test_a_json_frame_is_one_line():
     assert json.loads(frame) == {"message": "Ending", "tick": 3, "reason": "line\nfeed"}
 
 
-def test_json_becomes_the_map_that_msgpack_would_have_been():
-    line = b'{"tick": 5, "kind": "waypoint", "position_world_m": [1, 2.5, -3e-1], "hold_s": null}'
-    fields = {"tick": 5, "kind": "waypoint", "position_world_m": [1, 2.5, -0.3], "hold_s": None}
-    assert frame_codec.decode_payload("json", line) == msgpack.packb(fields)
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
@@ -157,11 +151,6 @@ def test_a_stream_may_end_between_frames_only():
     line = JsonSplitter()
     line.feed(b"{}\n{")
     assert line.rest() == "expected a line feed after each object, the stream ended 1 bytes into a line."
-
-
-def test_lines_may_end_as_on_windows():
-    items = JsonSplitter().feed(b'{"tick": 1}\r\n\r\n{"tick": 2}\r\n')
-    assert [frame_codec.decode_fields("json", item.payload)["tick"] for item in items] == [1, 2]
 
 
 def test_a_token_frame_has_each_key_once():

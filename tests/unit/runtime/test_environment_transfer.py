@@ -1,14 +1,16 @@
 """A host gets scenario and room from the run's own host in pieces, and takes no other room for it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from built_rooms import build_air
 from in_memory_bus import InMemoryHub
 
 from gslcosim.base.errors import RunTimeoutError, SimulationFault, UsageError
 from gslcosim.environment.generation.cache import with_variants
-from gslcosim.environment.model import Environment, EnvironmentVariant, Grid, WindFrames, content_hash
+from gslcosim.environment.model import EnvironmentVariant, content_hash
 from gslcosim.environment.store import WIND_FILE, load_environment, save_environment
 from gslcosim.runtime import remote_server
 from gslcosim.runtime.distributed import protocol
@@ -26,14 +28,8 @@ SHAPE = (7, 6, 5)
 
 def small_room(seed=4):
     """A room whose wind is different everywhere, so that no piece may be at another's place."""
-    rng = np.random.default_rng(seed)
-    wind = WindFrames(velocity_m_s=rng.random((2, *SHAPE, 3), np.float32), period_s=1.0, is_looping=True)
-    facts = {
-        "name": "small", "grid": Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=SHAPE),
-        "occupancy": np.zeros(SHAPE, np.uint8), "boxes": (), "openings": (),
-    }  # fmt: skip
-    room = Environment(**facts, wind=wind, content_hash="")
-    return Environment(**facts, wind=wind, content_hash=content_hash(room, wind))
+    room = build_air(SHAPE, np.random.default_rng(seed).random((2, *SHAPE, 3), np.float32), cell_m=0.5)
+    return replace(room, content_hash=content_hash(room, room.wind))
 
 
 @pytest.fixture

@@ -1,15 +1,16 @@
 """The gate of one participant: what it waits for, and what it ignores."""
 
-from toy_cores import COMMAND, ToyFields, body, toy_cores, toy_dataflow
+from built_messages import build_body, build_poses
+from toy_cores import COMMAND, ToyFields, toy_cores, toy_dataflow
 
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, Command
+from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import WINDOW_TICKS
 from gslcosim.runtime.stepper import Gate, MissingInput
 
 
 def poses(tick, *, awaiting=False):
-    return BodyPoses(tick=tick, bodies=(body(0.0, awaiting=awaiting),))
+    return build_poses(tick, build_body(awaiting_command=awaiting))
 
 
 def open_gate(name):

@@ -11,8 +11,6 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrames, FieldSamples, RadioTraffic
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.warmup import warm_up
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.sensing.core import SensingCore
 
 SENSORS = [
@@ -39,9 +37,7 @@ class Listening:
 
 @pytest.fixture
 def scenario(make_scenario):
-    values = plain_values(make_scenario({}, {}))
-    values["agents"][0]["sensors"] = SENSORS
-    return Scenario.model_validate({**values, "channels": [{"name": "radio"}]})
+    return make_scenario({}, {}, sensors=SENSORS, channels=[{"name": "radio"}])
 
 
 def test_sensing_is_warmed_up_with_all_that_it_reads_and_starts_afresh(scenario, make_room):

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
     AgentScore,
     BodyPoses,
-    BodyState,
     Command,
     FieldSamples,
     FilamentCloud,
@@ -25,19 +25,6 @@ from gslcosim.runtime.dataflow import Dataflow
 
 COMMAND = keys.command("beetle")
 OBSERVATION = keys.observation("beetle")
-
-
-def body(x: float, *, awaiting: bool) -> BodyState:
-    return BodyState(
-        agent="beetle",
-        position_world_m=(x, 0.0, 0.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=awaiting,
-        path_length_m=0.0,
-    )
 
 
 @dataclass
@@ -57,7 +44,8 @@ class ToyWorld(ToyCore):
         command = inbox.get(COMMAND)
         if isinstance(command, Command) and command.position_world_m:
             self.state += 0.1 * command.position_world_m[0] + tick
-        return {keys.BODIES: BodyPoses(tick=tick, bodies=(body(self.state, awaiting=tick % 7 == 3),))}
+        body = build_body("beetle", (self.state, 0.0, 0.0), awaiting_command=tick % 7 == 3)
+        return {keys.BODIES: build_poses(tick, body)}
 
 
 class ToyFields(ToyCore):

@@ -6,6 +6,7 @@ import sys
 import types
 
 import pytest
+from offering_packages import install_package
 
 from gslcosim.base.errors import ScenarioError, VehicleError
 from gslcosim.scenario.loader import load_scenario
@@ -24,15 +25,7 @@ def package(tmp_path, monkeypatch):
     """Install a package that offers things under names of vehicles."""
 
     def install(name="somebodys_vehicles", **offers):
-        module = types.ModuleType(name)
-        vars(module).update(offers)
-        monkeypatch.setitem(sys.modules, name, module)
-        folder = tmp_path / f"{name}-1.0.dist-info"
-        folder.mkdir()
-        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-        lines = [f"{offer} = {name}:{offer}" for offer in offers]
-        (folder / "entry_points.txt").write_text("\n".join([f"[{VEHICLE_ENTRY_POINTS}]", *lines]) + "\n")
-        monkeypatch.syspath_prepend(str(tmp_path))
+        install_package(monkeypatch, tmp_path, name, VEHICLE_ENTRY_POINTS, **offers)
         forget()
 
     yield install

@@ -12,17 +12,18 @@ import msgpack
 import numpy as np
 import pytest
 import yaml
+from built_messages import build_body, build_poses, build_sample
+from built_runs import build_setup
 from fan_units import build_fan
 
 from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples
-from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
+from gslcosim.contract.messages import FieldSamples, GasAmount
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_dataflow
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim_fmi.checks import find_fmu_problems, find_fmu_warnings
@@ -65,14 +66,8 @@ def core_of(tmp_path):
 
     def build(own, *words):
         loaded = load(own, *words)
-        environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-        setup = RunSetup(
-            run_dir=RunDir.create(tmp_path, name=f"run_{len(cores)}", seed=1),
-            scenario=loaded.scenario,
-            environment_dir=environment_dir,
-            environment=load_environment(environment_dir),
-            directory=tmp_path,
-        )
+        run_dir = RunDir.create(tmp_path, name=f"run_{len(cores)}", seed=1)
+        setup = build_setup(loaded, tmp_path, run_dir=run_dir, directory=tmp_path)
         cores.append(FmuCore(loaded.scenario.participants[0], setup, build_dataflow(loaded.scenario).message_types))
         return cores[-1]
 
@@ -82,8 +77,7 @@ def core_of(tmp_path):
 
 
 def samples(tick):
-    gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=PPM[tick]),)
-    sample = MountSample(agent="beetle", sensor="nose", gases=gases, wind_world_m_s=(0.5, 0.0, 0.0))
+    sample = build_sample(wind_m_s=(0.5, 0.0, 0.0), ethanol=PPM[tick])
     return {"truth/samples": FieldSamples(tick=tick, samples=(sample,))}
 
 
@@ -189,18 +183,7 @@ def test_a_room_that_left_as_a_unit_takes_part_with_its_own_samples(tmp_path, co
 
 
 def pose_at(tick, position_m):
-    still = (0.0, 0.0, 0.0)
-    body = BodyState(
-        agent="beetle",
-        position_world_m=position_m,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=still,
-        angular_velocity_body_rad_s=still,
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-    return BodyPoses(tick=tick, bodies=(body,))
+    return build_poses(tick, build_body("beetle", position_m))
 
 
 def test_a_unit_that_cannot_save_its_state_steps_through_its_past(tmp_path, core_of):

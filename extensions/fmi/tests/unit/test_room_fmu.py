@@ -12,11 +12,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from built_messages import build_sample
+from built_rooms import build_air
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
-from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Cell, Environment
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec
 from gslcosim.scenario.models.sensors import make_sensor_spec
@@ -40,15 +41,7 @@ def build_room() -> Environment:
     occupancy[9, 3:10, :6] = Cell.SOLID
     occupancy[19, :, :3] = Cell.OUTLET
     wind_m_s = np.random.default_rng(3).normal([0.4, 0.0, 0.0], 0.2, (3, *occupancy.shape, 3))
-    return Environment(
-        name="two halls",
-        grid=Grid(origin_m=(-1.0, 0.5, 0.1), cell_m=0.25, shape=occupancy.shape),
-        occupancy=occupancy,
-        wind=WindFrames(velocity_m_s=wind_m_s.astype(np.float32), period_s=0.7),
-        boxes=(),
-        openings=(),
-        content_hash="two halls",
-    )
+    return build_air(occupancy, wind_m_s, origin_m=(-1.0, 0.5, 0.1), name="two halls", period_s=0.7)
 
 
 def build_scenario(**gas):
@@ -195,15 +188,7 @@ def read_instruments(instruments, room, scenario, points_m, time_s):
         ScenarioFieldSampler(room, scenario, gas=gas).gas_ppm(points_m, Instant(time_s=time_s), ViewOptions())
         for gas in GASES
     ]
-    samples = [
-        MountSample(
-            agent="beetle",
-            sensor="nose",
-            gases=tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(GASES, some, strict=True)),
-            wind_world_m_s=(0.0, 0.0, 0.0),
-        )
-        for some in np.transpose(ppm).tolist()
-    ]
+    samples = [build_sample(**dict(zip(GASES, some, strict=True))) for some in np.transpose(ppm).tolist()]
     return [
         [instrument.read(sample, (0.0, 0.0, 0.0)).values[0] for instrument in some]
         for some, sample in zip(instruments, samples, strict=True)

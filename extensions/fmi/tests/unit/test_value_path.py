@@ -1,21 +1,17 @@
 """Paths to single values in messages: what they find, and what is said of those that find nothing."""
 
 import pytest
+from built_messages import build_sample
 
 from gslcosim.base.errors import UsageError
-from gslcosim.contract.messages import BodyPoses, FieldSamples, GasAmount, MountSample, Observation
+from gslcosim.contract.messages import BodyPoses, FieldSamples, Observation
 from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim_fmi.value_path import parse_value_path
 
 SAMPLES = FieldSamples(
     tick=7,
     samples=tuple(
-        MountSample(
-            agent="beetle",
-            sensor=sensor,
-            gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),),
-            wind_world_m_s=(0.5, 0.0, -0.25),
-        )
+        build_sample(sensor=sensor, wind_m_s=(0.5, 0.0, -0.25), ethanol=ppm)
         for sensor, ppm in (("nose", 3.5), ("tail", 1.5))
     ),
 )

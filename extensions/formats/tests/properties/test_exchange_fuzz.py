@@ -6,11 +6,10 @@ possible: finite, of the grid's shape, with codes that there are, no faster than
 
 import json
 import struct
-import time
-import warnings
 
 import numpy as np
 import pytest
+from damaged_files import FileFuzzer
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.model import Grid, WindFrames, with_wind
@@ -40,29 +39,6 @@ NUMBERS = [
 WIND_KINDS = ("components", "components_text", "points", "iterations")
 
 
-def damaged(content, rng):
-    """Return bytes with a few of them changed, replaced, cut out, doubled or cut off."""
-    result = bytearray(content)
-    for _ in range(int(rng.integers(1, 4))):
-        at = int(rng.integers(len(result))) if result else 0
-        match int(rng.integers(7)):
-            case 0:
-                result[at : at + 1] = bytes([int(rng.integers(256))])
-            case 1:
-                block = NUMBERS[int(rng.integers(len(NUMBERS)))]
-                result[at : at + len(block)] = block
-            case 2 | 3:
-                end = at + len(result[at:].split(maxsplit=1)[0]) if result[at:].strip() else at
-                result[at:end] = WORDS[int(rng.integers(len(WORDS)))]
-            case 4:
-                del result[at : at + int(rng.integers(1, 40))]
-            case 5:
-                result[at:at] = result[at : at + int(rng.integers(1, 40))]
-            case _:
-                del result[at:]
-    return bytes(result)
-
-
 def foam(values, *, is_binary):
     vectors = values.reshape(-1, 3)
     head = FOAM_HEAD.format(form="binary" if is_binary else "ascii")
@@ -71,12 +47,14 @@ def foam(values, *, is_binary):
     return f"{head}internalField nonuniform List<vector> {len(vectors)}\n(".encode() + data + b");\n"
 
 
-class Fuzzer:
+class Fuzzer(FileFuzzer):
     """One small environment in all formats; damages a file of each, reads, and counts what came of it."""
 
+    blocks, words = NUMBERS, WORDS
+    ignored_warnings = (NoWindWarning, WindGapsWarning)
+
     def __init__(self, folder, seed):
-        self.folder, self.rng = folder, np.random.default_rng(seed)
-        self.n_refused = self.n_read = 0
+        super().__init__(folder, seed)
         codes = np.zeros(GRID.shape, np.uint8)
         codes[1, 1], codes[3, 0] = 1, 2
         wind = np.random.default_rng(1).normal(size=(2, *GRID.shape, 3)).astype(np.float32)
@@ -111,30 +89,8 @@ class Fuzzer:
         return lambda: self.check_wind(path.parent)
 
     def round(self):
-        """Damage each file once."""
         for path, read in self.cases:
-            sound = path.read_bytes()
-            path.write_bytes(damaged(sound, self.rng))
-            try:
-                self.attempt(path, read)
-            finally:
-                path.write_bytes(sound)
-
-    def attempt(self, path, read):
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                warnings.simplefilter("ignore", NoWindWarning)
-                warnings.simplefilter("ignore", WindGapsWarning)
-                read()
-            self.n_read += 1
-        except EnvironmentDataError as error:
-            self.n_refused += 1
-            if "File: " not in str(error) and "Folder: " not in str(error):
-                pytest.fail(f"the error does not name the file: {error}")
-        except Exception as error:
-            error.add_note(f"{path}: {path.read_bytes()[:3000]!r}")
-            raise
+            self.try_file(path, read)
 
     def check_wind(self, path):
         frames = load_wind(path, GRID, occupancy=self.environment.occupancy)
@@ -188,13 +144,4 @@ def test_absurd_counts_cost_no_memory(tmp_path, n):
 @pytest.mark.timeout(1200)
 def test_ten_minutes_of_damaged_files(tmp_path):
     """A new seed each time; a failure names it."""
-    seed = time.time_ns() % 2**32
-    fuzzer = Fuzzer(tmp_path, seed)
-    end = time.monotonic() + 600.0
-    while time.monotonic() < end:
-        try:
-            fuzzer.round()
-        except Exception as error:
-            error.add_note(f"seed {seed}, after {fuzzer.n_read + fuzzer.n_refused} files")
-            raise
-    assert fuzzer.n_refused > 5000
+    assert Fuzzer.run_for(tmp_path, 600.0).n_refused > 5000

@@ -5,16 +5,14 @@ what is read must be possible: finite, inside the room, not negative.
 """
 
 import struct
-import time
-import warnings
 import zlib
 
 import gaden_writers as gaden
 import gsl_bench_writers as gsl_bench
 import numpy as np
 import pytest
+from damaged_files import FileFuzzer
 
-from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.model import Grid
 from gslcosim_formats.data_files import read_result
 from gslcosim_formats.stored_gas.frame_formats import read_gaden_frame, read_gsl_bench_frame, read_walls
@@ -38,30 +36,6 @@ STUMBLING_BLOCKS = [
     *(struct.pack("<Q", n) for n in (0, 2**63, 2**64 - 1)),
     *(struct.pack(layout, x) for layout in ("<f", "<d") for x in (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e-30, 1e30)),
 ]
-
-
-def damaged(content, rng):
-    """Return bytes with a few of them changed, replaced by stumbling blocks, cut out, doubled or cut off."""
-    result = bytearray(content)
-    for _ in range(int(rng.integers(1, 5))):
-        if not result:
-            break
-        at = int(rng.integers(len(result)))
-        match int(rng.integers(6)):
-            case 0:
-                result[at] ^= 1 << int(rng.integers(8))
-            case 1:
-                result[at] = int(rng.integers(256))
-            case 2:
-                block = STUMBLING_BLOCKS[int(rng.integers(len(STUMBLING_BLOCKS)))]
-                result[at : at + len(block)] = block
-            case 3:
-                del result[at : at + int(rng.integers(1, 40))]
-            case 4:
-                result[at:at] = result[at : at + int(rng.integers(1, 40))]
-            case _:
-                del result[at:]
-    return bytes(result)
 
 
 def check_possible(frame):
@@ -99,13 +73,13 @@ def is_same(one, other):
     )
 
 
-class Fuzzer:
+class Fuzzer(FileFuzzer):
     """Damages files of every kind, one after the other, and counts what came of it."""
 
+    blocks = STUMBLING_BLOCKS
+
     def __init__(self, folder, seed):
-        self.folder = folder
-        self.rng = np.random.default_rng(seed)
-        self.n_refused = self.n_read = 0
+        super().__init__(folder, seed)
         self.names = sorted(CONTENTS)
         self.intact = {}
         for name in self.names:
@@ -121,49 +95,33 @@ class Fuzzer:
         text = f"#env_min(m) 0 0 0\n#env_max(m) 1 1.5 2\n#num_cells 2 3 4\n#cell_size(m) 0.5\n{rows}\n"
         (folder / "OccupancyGrid3D.csv").write_text(text)
         (folder / "wind_iteration_0").write_bytes(np.ones(72).astype("<f8").tobytes())
-        kept = ("iteration_0_head.npy", "iteration_0_fil.npy", "film.npz", "OccupancyGrid3D.csv", "wind_iteration_0")
-        self.sound = {name: (folder / name).read_bytes() for name in kept}
 
     def round(self):
-        """Damage one file of each kind."""
         for name in self.names:
             self.try_stream(name)
             self.try_content(name)
-        for name in ("iteration_0_fil.npy", "iteration_0_head.npy"):
-            self.try_file(name, lambda: check_possible(read_gsl_bench_frame(self.folder / "iteration_0_fil.npy")))
-        self.try_file("film.npz", self.check_film)
-        self.try_file("OccupancyGrid3D.csv", self.check_walls)
-        self.try_file("wind_iteration_0", self.check_wind)
+        frame = self.folder / "iteration_0_fil.npy"
+        for name, read in (
+            ("iteration_0_fil.npy", lambda: check_possible(read_gsl_bench_frame(frame))),
+            ("iteration_0_head.npy", lambda: check_possible(read_gsl_bench_frame(frame))),
+            ("film.npz", self.check_film),
+            ("OccupancyGrid3D.csv", self.check_walls),
+            ("wind_iteration_0", self.check_wind),
+        ):
+            self.try_file(self.folder / name, read)
 
     # The stream carries a checksum: what is read must be what was written.
     def try_stream(self, name):
         is_late = bool(self.rng.integers(2))
         path = self.folder / f"{name}_stream"
-        path.write_bytes(damaged(gaden.compressed(CONTENTS[name], is_late=is_late), self.rng))
-        self.attempt(lambda: self.check_same(read_gaden_frame(path), name))
+        path.write_bytes(self.damage(gaden.compressed(CONTENTS[name], is_late=is_late)))
+        self.attempt(lambda: self.check_same(read_gaden_frame(path), name), path)
 
     # What is compressed was wrong already.
     def try_content(self, name):
         path = self.folder / f"{name}_content"
-        path.write_bytes(zlib.compress(damaged(CONTENTS[name], self.rng), 1))
-        self.attempt(lambda: check_possible(read_gaden_frame(path)))
-
-    def try_file(self, name, read):
-        (self.folder / name).write_bytes(damaged(self.sound[name], self.rng))
-        try:
-            self.attempt(read)
-        finally:
-            (self.folder / name).write_bytes(self.sound[name])
-
-    def attempt(self, read):
-        try:
-            with warnings.catch_warnings(action="error"):
-                read()
-            self.n_read += 1
-        except EnvironmentDataError as error:
-            self.n_refused += 1
-            if "File: " not in str(error):
-                pytest.fail(f"the error does not name the file: {error}")
+        path.write_bytes(zlib.compress(self.damage(CONTENTS[name]), 1))
+        self.attempt(lambda: check_possible(read_gaden_frame(path)), path)
 
     def check_same(self, frame, name):
         assert is_same(frame, self.intact[name]), name
@@ -206,13 +164,4 @@ def test_damaged_files_are_refused_or_read_as_they_were(tmp_path):
 @pytest.mark.timeout(1200)
 def test_fifteen_minutes_of_damaged_files(tmp_path):
     """A new seed for each quarter of an hour; a failure names it."""
-    seed = time.time_ns() % 2**32
-    fuzzer = Fuzzer(tmp_path, seed)
-    end = time.monotonic() + 900.0
-    while time.monotonic() < end:
-        try:
-            fuzzer.round()
-        except Exception as error:
-            error.add_note(f"seed {seed}, after {fuzzer.n_read + fuzzer.n_refused} files in {tmp_path}")
-            raise
-    assert fuzzer.n_refused > 10_000
+    assert Fuzzer.run_for(tmp_path, 900.0).n_refused > 10_000

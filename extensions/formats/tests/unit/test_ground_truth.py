@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_formats.field_samplers import compute_ground_truth, ground_truth_from_field, list_true_sources
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.gas_setup import mean_release_m3_s
@@ -13,16 +11,9 @@ from gslcosim_services.fields.gas_setup import mean_release_m3_s
 
 @pytest.fixture
 def scenario(make_scenario):
-    plain = plain_values(make_scenario())
     scheduled = {"kind": "scheduled", "schedule": [(0, 10)]}
-    plain["gas"] = {
-        "sources": [
-            {"position_m": (5.0, 5.0, 2.0)},
-            {"position_m": (8.0, 5.0, 2.0), "gas": "methane", "release": scheduled},
-        ],
-        "warm_up_s": 10.0,
-    }
-    return Scenario.model_validate(plain)
+    second = {"position_m": (8.0, 5.0, 2.0), "gas": "methane", "release": scheduled}
+    return make_scenario(gas={"sources": [{"position_m": (5.0, 5.0, 2.0)}, second], "warm_up_s": 10.0})
 
 
 @pytest.fixture

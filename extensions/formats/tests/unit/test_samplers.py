@@ -21,9 +21,7 @@ PLACES = gaden.POSITIONS_M[:2]
 
 @pytest.fixture
 def scenario(make_scenario):
-    plain = make_scenario()
-    gas = plain.gas.model_copy(update={"warm_up_s": 20.0})
-    return plain.model_copy(update={"gas": gas})
+    return make_scenario(gas={"sources": [{"position_m": (5.0, 1.0, 2.0)}], "warm_up_s": 20.0})
 
 
 def test_the_lattice_is_that_of_the_world_whatever_the_walls_thickness():

@@ -198,8 +198,7 @@ def _observation(tick, rails, plume, nose, mounts_m, elements, *, has_vane) -> O
         apparent = (plume.wind_m_s - vx, -vy)
         readings["vane"] = (math.hypot(*apparent), math.atan2(-apparent[1], -apparent[0]))
     status = "flying" if rails.target_m is not None or any(rails.velocity_m_s) else "holding"
-    seen = observation(
+    return observation(
         tick=tick, position_m=rails.position_m, readings=readings, yaw_rad=yaw, velocity_m_s=rails.velocity_m_s,
-        asked=rails.is_asked, notice=rails.notice,
+        asked=rails.is_asked, notice=rails.notice, status=status,
     )  # fmt: skip
-    return seen.model_copy(update={"status": status})

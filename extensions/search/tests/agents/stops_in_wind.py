@@ -17,8 +17,7 @@ def made(agent_type: type[Agent], **changes) -> Agent:
 
 def at(tick, place_m=START_M, *, ppm=0.0, upwind_rad=WEST_RAD, speed_m_s=0.5, notice=None, status="holding"):
     readings = {"nose": ppm, "vane": (speed_m_s, upwind_rad)}
-    seen = observation(tick=tick, position_m=place_m, readings=readings, notice=notice)
-    return seen.model_copy(update={"status": status})
+    return observation(tick=tick, position_m=place_m, readings=readings, notice=notice, status=status)
 
 
 def flown(agent, amounts, place_m=START_M):

@@ -8,12 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from briefings import briefing
+from briefings import briefing, observation
 
-from gslcosim.agent_kit import Agent, Command, Observation, RadioReception, Reading
-
-TICK_S = 0.2
-TICK_NS = 200_000_000
+from gslcosim.agent_kit import Agent, Command, Observation, RadioReception
 
 
 def plume(source=(3.0, 5.0), wind_m_s=(0.5, 0.0), width_m=0.35, growth=0.12, peak_ppm=20.0):
@@ -32,20 +29,34 @@ def plume(source=(3.0, 5.0), wind_m_s=(0.5, 0.0), width_m=0.35, growth=0.12, pea
 
 
 @dataclass
-class _Vehicle:
+class Vehicle:
+    name: str
     agent: Agent
     position_m: tuple[float, float, float]
     target_m: tuple[float, float, float] | None = None
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     hold_s: float = 0.0
     rest_s: float = 0.0
+    n_blocked: int = 0
     notice: str | None = None
-    track_m: list[tuple[float, float, float]] = field(default_factory=list)
+    track_m: list[tuple[float, float]] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
+
+    @property
+    def place_m(self) -> np.ndarray:
+        return np.array(self.position_m[:2])
+
+    @property
+    def is_flying(self) -> bool:
+        return self.target_m is not None or any(self.velocity_m_s)
 
 
 class TeamFlight:
-    """A team of agents of one kind on the channel `radio`; `lost_at_s` says whose vehicle ends when."""
+    """A team of agents of one kind on the channel `radio`; `lost_at_s` is when whose vehicle ends."""
+
+    tick_s = 0.2
+    max_bytes = 1024
+    sensors = (("pid", "nose"), ("anemometer", "vane"))
 
     def __init__(
         self,
@@ -68,24 +79,28 @@ class TeamFlight:
         names = tuple(sorted(starts_m))
         self.briefings = {
             name: briefing(
-                name=name, members=names, seed=seed * 100 + i, tick_ns=TICK_NS, search_height_m=height_m,
-                sensors=(("pid", "nose"), ("anemometer", "vane")), **changes,
+                name=name, members=names, seed=seed * 100 + i, tick_ns=round(self.tick_s * 1e9),
+                search_height_m=height_m, sensors=self.sensors, **changes,
             )
             for i, name in enumerate(names)
         }  # fmt: skip
         self.size_m = self.briefings[names[0]].bounds.max_m
         self.vehicles = {
-            name: _Vehicle(kind(self.briefings[name]), (*starts_m[name], height_m)) for name in names
+            name: Vehicle(name, kind(self.briefings[name]), (*starts_m[name], height_m)) for name in names
         }  # fmt: skip
         self.air: dict[str, list[RadioReception]] = {name: [] for name in names}
         self.tick = 0
         self.declared: list[tuple[str, Command]] = []
 
+    @property
+    def time_s(self) -> float:
+        return self.tick * self.tick_s
+
     def fly(self, time_s: float, until: Callable[["TeamFlight"], bool] = lambda _: False) -> float:
         """Fly until the time is over or a condition holds; return the time that has passed [s]."""
-        while self.tick * TICK_S < time_s and not until(self):
+        while self.time_s < time_s and not until(self):
             self.step()
-        return self.tick * TICK_S
+        return self.time_s
 
     def places_m(self):
         return np.array([vehicle.position_m[:2] for vehicle in self.flying().values()])
@@ -93,8 +108,8 @@ class TeamFlight:
     def nearest_m(self, place_m) -> float:
         return float(np.hypot(*(self.places_m() - np.asarray(place_m)).T).min())
 
-    def flying(self) -> dict[str, _Vehicle]:
-        now_s = self.tick * TICK_S
+    def flying(self) -> dict[str, Vehicle]:
+        now_s = self.time_s
         return {n: v for n, v in self.vehicles.items() if now_s < self.lost_at_s.get(n, math.inf)}
 
     def step(self) -> None:
@@ -108,17 +123,16 @@ class TeamFlight:
             if asked:
                 self.take(name, vehicle, vehicle.agent.decide(observation))
 
-    def observed(self, name, vehicle, incoming, *, asked) -> Observation:
+    def readings(self, vehicle) -> dict[str, object]:
         x, y, _ = vehicle.position_m
         speed, upwind = math.hypot(*self.wind_m_s), math.atan2(-self.wind_m_s[1], -self.wind_m_s[0])
-        return Observation(
-            tick=self.tick, agent=name, time_s=self.tick * TICK_S, position_world_m=vehicle.position_m, yaw_rad=0.0,
-            velocity_world_m_s=vehicle.velocity_m_s, status="flying" if vehicle.target_m else "holding",
-            awaiting_command=asked, notice=vehicle.notice, incoming=tuple(incoming),
-            readings=(
-                Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(self.gas(x, y),)),
-                Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(speed, upwind)),
-            ),
+        return {"nose": self.gas(x, y), "vane": (speed, upwind)}
+
+    def observed(self, name, vehicle, incoming, *, asked) -> Observation:
+        return observation(
+            tick=self.tick, time_s=self.time_s, name=name, position_m=vehicle.position_m,
+            velocity_m_s=vehicle.velocity_m_s, readings=self.readings(vehicle), asked=asked, notice=vehicle.notice,
+            status="flying" if vehicle.is_flying else "holding", incoming=tuple(incoming),
         )  # fmt: skip
 
     def take(self, name, vehicle, command) -> None:
@@ -134,7 +148,7 @@ class TeamFlight:
         elif command.kind == "declare_source":
             self.declared.append((name, command))
         for message in command.outgoing:
-            assert len(message.text.encode()) <= 1024
+            assert len(message.text.encode()) <= self.max_bytes
             for other in self.vehicles:
                 if other != name and message.to in ("all", other) and self.rng.random() >= self.loss_frac:
                     reception = RadioReception(
@@ -150,14 +164,14 @@ class TeamFlight:
         vehicle.target_m = target_m
 
     def move(self, vehicle) -> None:
-        vehicle.track_m.append(vehicle.position_m)
+        vehicle.track_m.append(vehicle.position_m[:2])
         if vehicle.target_m is None:
-            vehicle.rest_s -= TICK_S
-            moved = (x + v * TICK_S for x, v in zip(vehicle.position_m, vehicle.velocity_m_s))
+            vehicle.rest_s -= self.tick_s
+            moved = (x + v * self.tick_s for x, v in zip(vehicle.position_m, vehicle.velocity_m_s))
             vehicle.position_m = tuple(min(max(x, 0.0), size) for x, size in zip(moved, self.size_m))
             return
         away = math.dist(vehicle.position_m, vehicle.target_m)
-        share = min(1.0, self.speed_m_s * TICK_S / away) if away > 0.0 else 1.0
+        share = min(1.0, self.speed_m_s * self.tick_s / away) if away > 0.0 else 1.0
         vehicle.position_m = tuple(a + share * (b - a) for a, b in zip(vehicle.position_m, vehicle.target_m))
         if share >= 1.0:
             vehicle.target_m, vehicle.rest_s = None, vehicle.hold_s

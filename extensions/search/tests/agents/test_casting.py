@@ -2,7 +2,6 @@ import math
 
 import pytest
 import stops_in_wind
-from ribbon_world import Ribbon, fly
 from stops_in_wind import at, flown
 
 from gslcosim_agents.casting.agent import Casting
@@ -36,20 +35,3 @@ def test_a_cast_that_meets_nothing_grows_and_ends_in_new_places():
     places = flown(made(parameters={"lost_m": 1.0, "n_returns": 0, "n_casts": 2}), [1.0] + [0.0] * 12)
     assert math.dist(places[1], places[2]) == pytest.approx(3.0, abs=0.002)
     assert len(set(places)) == len(places)
-
-
-def test_other_seeds_give_other_sides():
-    assert len({tuple(flown(made(seed=seed), [1.0])) for seed in range(10)}) == 2
-
-
-@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
-@pytest.mark.parametrize("plume", [Ribbon(), Ribbon(wave_m=1.0)])
-def test_it_comes_up_a_ribbon_of_gas(nose, plume):
-    assert fly(Casting, plume, nose=nose, limit_s=120.0).found_s is not None
-
-
-def test_it_declares_near_the_source():
-    flight = fly(Casting, Ribbon(), found_m=0.0, limit_s=260.0)
-    declared = [command.declaration for command in flight.commands if command.declaration is not None]
-    assert declared
-    assert math.dist(declared[0].position_world_m, (2.0, 5.0, 2.0)) < 0.6

@@ -3,7 +3,6 @@ import math
 
 import pytest
 import stops_in_wind
-from ribbon_world import Ribbon, fly
 from stops_in_wind import START_M, WEST_RAD, flown
 
 from gslcosim_agents.moth_inspired.agent import MothInspired
@@ -38,22 +37,3 @@ def test_it_tracks_out_straight_upwind_and_then_flies_a_cloverleaf_about_the_las
 def test_the_cloverleaf_ends_with_new_places():
     places = flown(made(parameters={"lost_m": 1.0, "leaf_m": 0.5}), [1.0] + [0.0] * 25)
     assert len(set(places[14:])) == len(places[14:])
-
-
-def test_other_seeds_give_other_sides():
-    assert len({tuple(flown(made(seed=seed), [1.0])) for seed in range(10)}) == 2
-
-
-@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
-def test_it_comes_up_a_ribbon_of_gas(nose):
-    assert fly(MothInspired, Ribbon(), nose=nose, limit_s=150.0).found_s is not None
-
-
-def test_it_declares_near_the_source_and_not_where_it_may_not():
-    def declared(**parameters):
-        flight = fly(MothInspired, Ribbon(), found_m=0.0, limit_s=240.0, parameters=parameters)
-        return [command.declaration for command in flight.commands if command.declaration is not None]
-
-    (first, *_) = declared()
-    assert math.dist(first.position_world_m, (2.0, 5.0, 2.0)) < 0.6
-    assert declared(declares=False) == []

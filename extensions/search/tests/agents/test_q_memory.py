@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from briefings import briefing, observation
-from ribbon_world import Ribbon, fly
 
 from gslcosim_agents.q_memory import agent as program
 from gslcosim_agents.q_memory.agent import QMemory
@@ -81,12 +80,6 @@ def test_equal_seeds_give_equal_steps(recovery):
         return [agent.decide(at(40 + 12 * i, ppm=float(i < 3))) for i in range(30)]
 
     assert steps() == steps()
-
-
-@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
-@pytest.mark.parametrize("plume", [Ribbon(wave_m=1.0), Ribbon(wave_m=0.8, blob_m=0.6, gap_m=1.0)])
-def test_it_comes_up_a_ribbon_of_gas(nose, plume):
-    assert fly(QMemory, plume, nose=nose, limit_s=150.0).found_s is not None
 
 
 def test_the_trainers_recoveries_are_those_of_the_agent():

@@ -5,7 +5,6 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
-from gslcosim.base.errors import MethodError
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
 from gslcosim_search.swarms.sniffy_bug import TABLES
 
@@ -110,11 +109,6 @@ def test_a_blocked_velocity_draws_another_waypoint():
     first = agent.waypoint_m
     answer(agent, ppm=3.0, tick=42, notice="stops before the wall")
     assert agent.waypoint_m is not first
-
-
-def test_it_needs_beams_to_four_sides():
-    with pytest.raises(MethodError, match="range"):
-        SniffyBug(briefing(sensors=(("pid", "nose"),), members=MEMBERS))
 
 
 def random_room(seed: int, side_m: float = 10.0):

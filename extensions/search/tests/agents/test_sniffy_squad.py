@@ -45,7 +45,7 @@ def test_a_hotter_squad_is_spread_wider():
     for temperature in (0.01, 3.0):
         flight = squad(gas=lambda _x, _y: 0.0, parameters={"coldest": temperature, "hottest": temperature})
         flight.fly(60.0)
-        tracks = [np.array(vehicle.track_m)[:, :2] for vehicle in flight.vehicles.values()]
+        tracks = [np.array(vehicle.track_m) for vehicle in flight.vehicles.values()]
         legs = [np.hypot(*np.diff(track, axis=0).T).sum() for track in tracks]
         spans.append(np.mean(legs))
     assert spans[1] > spans[0]

@@ -81,26 +81,6 @@ def test_asked_at_every_tick_it_lets_a_leg_end_but_breaks_off_a_cast_for_gas():
     assert agent.decide(at(86, (6.0, 5.4, 2.0), ppm=1.0, status="flying")).kind == "waypoint"
 
 
-def test_other_seeds_give_other_sides():
-    lost = [1.0, 0.0, 0.0, 0.0, 0.0]
-    assert len({tuple(flown(made(seed=seed), lost)) for seed in range(10)}) == 2
-
-
-@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
-@pytest.mark.parametrize("plume", [Ribbon(), Ribbon(wave_m=1.0), Ribbon(wave_m=0.8, blob_m=0.6, gap_m=1.0)])
-def test_it_comes_up_a_ribbon_of_gas(nose, plume):
-    found_s = fly(SurgeCast, plume, nose=nose, limit_s=120.0).found_s
-    assert found_s is not None
-    assert found_s < 90.0
-
-
-def test_it_declares_near_the_source():
-    flight = fly(SurgeCast, Ribbon(), found_m=0.0, limit_s=240.0)
-    declared = [command.declaration for command in flight.commands if command.declaration is not None]
-    assert 1 <= len(declared) <= 3
-    assert math.dist(declared[0].position_world_m, (2.0, 5.0, 2.0)) < 0.6
-
-
 class Kinked(Ribbon):
     """A ribbon whose lower part lies beside the upper one, as after the wind has turned and turned back."""
 

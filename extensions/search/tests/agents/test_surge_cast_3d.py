@@ -1,4 +1,3 @@
-import pytest
 import stops_in_wind
 from ribbon_world import Ribbon, fly
 from stops_in_wind import START_M, at, flown
@@ -37,11 +36,6 @@ def test_when_a_height_is_seen_it_explores_above_and_then_below():
 def test_heights_stay_within_the_margin():
     agent = made(parameters={"lost_m": 1.0, "cast_height_m": 10.0, "explore_step_m": 8.0, "layer_m": 10.0})
     assert all(0.5 <= z <= 7.5 for _, _, z in flown(agent, ([1.0] + [0.0] * 10) * 3))
-
-
-@pytest.mark.parametrize("nose", ["pid", "tgs2600"])
-def test_it_comes_up_a_ribbon_of_gas(nose):
-    assert fly(SurgeCast3d, Ribbon(wave_m=1.0), nose=nose, limit_s=120.0).found_s is not None
 
 
 def test_of_a_thin_plume_above_its_height_it_makes_more_than_the_plane_search():

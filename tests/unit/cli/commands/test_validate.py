@@ -58,27 +58,6 @@ def test_the_resolved_scenario_is_printed_as_yaml(capsys, tmp_path):
     assert load_scenario(file).scenario == load_scenario("tiny_room").scenario
 
 
-@pytest.mark.parametrize(
-    ("change", "place", "expected"),
-    [
-        ("gas.sources[0].position_m=[60, 2, 1]", "gas.sources[0].position_m", "outside the room"),
-        ("environment.layout.obstacles=[{name: crate, min_m: [1, 1, 0], max_m: [2, 3, 2]}]",
-         "gas.sources[0].position_m",
-         "inside crate"),
-        ("agents[0].vehicle.start_m=[60, 2, 1]", "agents[0].vehicle.start_m", "outside the room"),
-        ("environment.layout.obstacles=[{name: crate, min_m: [4, 2, 0], max_m: [5, 3, 1]}]",
-         "agents[0].vehicle.start_m",
-         "crate"),
-        ("agents[0].vehicle.search_height_m=5", "agents[0].vehicle.search_height_m", "ceiling"),
-    ],
-)  # fmt: skip
-def test_places_are_checked_against_the_room(capsys, change, place, expected):
-    assert main(["validate", "tiny_room", "--set", change]) == 2
-    error = capsys.readouterr().err
-    assert f"{place}: expected " in error
-    assert expected in error
-
-
 def test_problems_of_places_and_others_come_together(capsys):
     changes = ["gas.sources[0].position_m=[60, 2, 1]", "agents[0].sensors[0].model=nose", "name=A B"]
     assert main(["validate", "tiny_room", *(f"--set={change}" for change in changes)]) == 2

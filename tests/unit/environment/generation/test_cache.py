@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from built_scenarios import build_agent, build_scenario
 from deadlines import PROCESS_S
 
 import gslcosim
@@ -15,7 +16,7 @@ from gslcosim.environment.generation.cache import prepare_environment, recipe_ha
 from gslcosim.environment.model import Cell
 from gslcosim.environment.readers import list_reader_packages
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, WindSpec
 from gslcosim.scenario.serialization import plain_values
 
 SMALL = {"size_m": [4.0, 3.0, 2.0], "obstacles": [{"name": "box", "min_m": [1, 1, 0], "max_m": [2, 2, 1]}]}
@@ -23,23 +24,9 @@ UNIFORM = {"solver": "uniform", "inlet_velocity_m_s": [0.5, -0.25, 0.0], "cell_m
 
 
 def scenario(environment=None, wind=None):
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "test",
-            "environment": environment or {"layout": SMALL},
-            "wind": wind or UNIFORM,
-            "gas": {"sources": [{"position_m": [3.0, 1.0, 1.0]}]},
-            "agents": [
-                {
-                    "name": "agent",
-                    "start": {"attach": True},
-                    "vehicle": {"start_m": [3.0, 2.0, 0.2]},
-                    "sensors": [{"model": "tgs2600", "name": "nose"}],
-                }
-            ],
-        }
-    )
+    gas = {"sources": [{"position_m": [3.0, 1.0, 1.0]}]}
+    agent = build_agent("agent", (3.0, 2.0, 0.2))
+    return build_scenario(agent, environment=environment or {"layout": SMALL}, wind=wind or UNIFORM, gas=gas)
 
 
 def test_uniform_wind_is_the_same_in_all_air_and_zero_in_solids(tmp_path):

@@ -135,20 +135,8 @@ def test_whatever_shares_a_process_the_digest_is_the_same(seed):
     assert grouped.hex == alone.hex
 
 
-def test_a_core_that_fails_is_named_in_a_group_too():
-    class Broken(ToyFields):
-        def step(self, tick, inbox):
-            if tick == 5:
-                raise ArithmeticError("the field has burst")
-            return super().step(tick, inbox)
-
-    cores = toy_cores()
-    cores["fields"] = Broken(cores["fields"].spec)
-    _, _, (fault,) = fly(InMemoryHub(), cores, [list(cores)])
-    assert (fault.participant, fault.tick) == ("fields", 4)
-
-
-def test_a_core_that_fails_is_named():
+@pytest.mark.parametrize("is_one_group", [False, True])
+def test_a_core_that_fails_is_named(is_one_group):
     """The supervisor learns who failed, at which tick and how."""
 
     class Broken(ToyFields):
@@ -159,7 +147,7 @@ def test_a_core_that_fails_is_named():
 
     cores = toy_cores()
     cores["fields"] = Broken(cores["fields"].spec)
-    _, _, (fault,) = fly(InMemoryHub(), cores)
+    _, _, (fault,) = fly(InMemoryHub(), cores, [list(cores)] if is_one_group else None)
     assert (fault.participant, fault.tick) == ("fields", 4)
     assert "the field has burst" in fault.text
 

@@ -4,21 +4,18 @@ import queue
 import threading
 
 import pytest
+from built_runs import build_setup
 from deadlines import EVENT_S
 from in_memory_bus import InMemoryBus, InMemoryHub
 
 from gslcosim.base.processes import Interruption
-from gslcosim.environment.generation.cache import prepare_environment
-from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import MessageReceived, ProcessEnded
 from gslcosim.runtime.distributed.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.distributed.watchdog import RestartPolicy
 from gslcosim.runtime.network import Network
-from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import group_services, list_service_names
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 
 
@@ -27,28 +24,17 @@ def loaded():
     return load_scenario("tiny_room")
 
 
-@pytest.fixture(scope="module")
-def environment_dir(loaded):
-    return prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-
-
 @pytest.fixture
 def events():
     return queue.SimpleQueue()
 
 
 @pytest.fixture
-def supervisor(loaded, environment_dir, events, tmp_path):
-    scenario = loaded.scenario
-    setup = RunSetup(
-        run_dir=RunDir.create(tmp_path, name=scenario.name, seed=1),
-        scenario=scenario,
-        environment_dir=environment_dir,
-        environment=load_environment(environment_dir),
-    )
-    groups = group_services("separate", list_service_names(scenario))
+def supervisor(loaded, events, tmp_path):
+    setup = build_setup(loaded, tmp_path)
+    groups = group_services("separate", list_service_names(loaded.scenario))
     gateway = GatewayAgents(setup, loaded.directory, Network(), events.put)
-    restarts = RestartPolicy(scenario, groups, lambda group, how: None)
+    restarts = RestartPolicy(loaded.scenario, groups, lambda group, how: None)
     return Supervisor(setup, InMemoryBus(InMemoryHub()), gateway, events, lambda status: None, groups, restarts)
 
 

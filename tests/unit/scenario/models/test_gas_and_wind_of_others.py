@@ -4,6 +4,7 @@ import importlib
 import sys
 
 import pytest
+from offering_packages import write_entry_points
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.environment.generation.cache import recipe_hash
@@ -22,6 +23,13 @@ class BreezeSpec(SolverSpec):
 
 number = 42
 """
+ENTRY_POINTS = """[gslcosim.gas_models]
+number = somebodys_air:number
+broken = somebodys_missing:x
+[gslcosim.wind_solvers]
+breeze = somebodys_air:BreezeSpec
+misnamed = somebodys_air:BreezeSpec
+"""
 
 
 @pytest.fixture
@@ -29,15 +37,7 @@ def package(tmp_path, monkeypatch):
     """Install a package that offers a solver, things that are no gas models, and one that cannot be imported."""
     monkeypatch.delitem(sys.modules, "somebodys_air", raising=False)
     (tmp_path / "somebodys_air.py").write_text(MODULE)
-    folder = tmp_path / "somebodys_air-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-air\nVersion: 1.0\n")
-    (folder / "entry_points.txt").write_text(
-        "[gslcosim.gas_models]\nnumber = somebodys_air:number\nbroken = somebodys_missing:x\n"
-        "[gslcosim.wind_solvers]\nbreeze = somebodys_air:BreezeSpec\nmisnamed = somebodys_air:BreezeSpec\n"
-    )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    importlib.invalidate_caches()
+    write_entry_points(monkeypatch, tmp_path, "somebodys_air", ENTRY_POINTS)
     yield tmp_path / "somebodys_air.py"
     monkeypatch.undo()
     sys.modules.pop("somebodys_air", None)

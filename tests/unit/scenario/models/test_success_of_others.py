@@ -1,11 +1,10 @@
 """Criteria of installed packages: named, imported when asked for, refused when they are something else."""
 
 import importlib
-import sys
-import types
 from typing import Literal
 
 import pytest
+from offering_packages import install_package
 
 from gslcosim.scenario.models.scenario import RefereeSpec
 from gslcosim.scenario.models.success import SUCCESS_ENTRY_POINTS, SuccessSpec
@@ -26,17 +25,8 @@ class Hover(SuccessSpec):
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Install a package that offers a criterion, one that is none, and one that cannot be imported."""
-    module = types.ModuleType("somebodys_success")
-    vars(module).update(hover=Hover, number=42, misnamed=Hover)
-    monkeypatch.setitem(sys.modules, "somebodys_success", module)
-    folder = tmp_path / "somebodys_success-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-success\nVersion: 1.0\n")
-    lines = [f"{name} = somebodys_success:{name}" for name in ("hover", "number", "misnamed")]
-    lines.append("broken = somebodys_missing_module:broken")
-    (folder / "entry_points.txt").write_text("\n".join([f"[{SUCCESS_ENTRY_POINTS}]", *lines]) + "\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    importlib.invalidate_caches()
+    offers = {"hover": Hover, "number": 42, "misnamed": Hover}
+    install_package(monkeypatch, tmp_path, "somebodys_success", SUCCESS_ENTRY_POINTS, **offers)
     yield
     monkeypatch.undo()
     importlib.invalidate_caches()

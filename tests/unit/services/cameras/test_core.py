@@ -9,16 +9,15 @@ from ctypes.util import find_library
 
 import numpy as np
 import pytest
+from built_messages import build_body, build_poses
 from PIL import Image
 
 from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract import codec
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
-from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.cameras import offscreen_renderer
 from gslcosim_services.cameras.core import CamerasCore
 
@@ -33,10 +32,8 @@ def cameras(make_room, make_scenario):
     opened = []
 
     def build(*sensors, vehicles=({},), room=None):
-        values = plain_values(make_scenario(*vehicles))
-        values["agents"][0]["sensors"] = sensors
         try:
-            core = CamerasCore(Scenario.model_validate(values), room or make_room(obstacles=[RED]))
+            core = CamerasCore(make_scenario(*vehicles, sensors=sensors), room or make_room(obstacles=[RED]))
         except ModelError as error:
             pytest.skip(str(error))
         opened.append(core)
@@ -49,20 +46,11 @@ def cameras(make_room, make_scenario):
 
 
 def poses(*places, tick=0):
-    bodies = tuple(
-        BodyState(
-            agent=f"agent_{i}",
-            position_world_m=position_m,
-            quaternion_wxyz=quaternion,
-            velocity_world_m_s=(0.0, 0.0, 0.0),
-            angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-            phase="flying",
-            awaiting_command=False,
-            path_length_m=0.0,
-        )
+    bodies = (
+        build_body(f"agent_{i}", position_m, quaternion_wxyz=quaternion)
         for i, (position_m, quaternion) in enumerate(places)
     )
-    return {"truth/bodies": BodyPoses(tick=tick, bodies=bodies)}
+    return {"truth/bodies": build_poses(tick, *bodies)}
 
 
 def image_of(core, *places, i=0):
@@ -146,10 +134,8 @@ def test_pictures_are_the_same_to_the_bit_from_a_new_scene(cameras):
 
 def test_where_nothing_can_draw_it_says_what_to_install(monkeypatch, make_room, make_scenario):
     monkeypatch.setattr(offscreen_renderer.importlib, "import_module", _fails)
-    values = plain_values(make_scenario())
-    values["agents"][0]["sensors"] = [camera()]
     with pytest.raises(ModelError) as refusal:
-        CamerasCore(Scenario.model_validate(values), make_room())
+        CamerasCore(make_scenario(sensors=[camera()]), make_room())
     assert str(refusal.value) == (
         "cameras: expected EGL or OSMesa to draw with, was none (egl: no mujoco.egl; osmesa: no mujoco.osmesa). "
         "On Debian: sudo apt-get install libegl1 libgl1-mesa-dri, or libosmesa6."

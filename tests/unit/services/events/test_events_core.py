@@ -1,11 +1,12 @@
 """When events begin: at their times, upon their conditions, each once."""
 
 import pytest
+from built_messages import build_body, build_sample
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
-from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
+from gslcosim.contract.messages import BodyPoses, FieldSamples
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.scenario import load_scenario
@@ -22,21 +23,11 @@ def core_of(*events):
 
 
 def body(x_m, agent="beetle"):
-    return BodyState(
-        agent=agent,
-        position_world_m=(x_m, 2.0, 1.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
+    return build_body(agent, (x_m, 2.0, 1.0))
 
 
 def sample(ppm, agent="beetle", gas="ethanol"):
-    gases = (GasAmount(gas=gas, mixing_ratio_ppm=ppm),)
-    return MountSample(agent=agent, sensor="nose", gases=gases, wind_world_m_s=(0.0, 0.0, 0.0))
+    return build_sample(agent, **{gas: ppm})
 
 
 def beginnings(core, inbox_at, n_ticks=40):

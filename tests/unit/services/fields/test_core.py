@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning, SourceRate
-from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario import load_scenario
 from gslcosim_services.fields.core import FieldsCore
@@ -19,17 +19,7 @@ def core_of(make_room, *events, more=()):
 
 
 def step(core, tick, *places, filaments_per_s=None):
-    body = BodyState(
-        agent="beetle",
-        position_world_m=(3.0, 2.0, 1.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-    inbox = {keys.BODIES: BodyPoses(tick=tick, bodies=(body,))}
+    inbox = {keys.BODIES: build_poses(tick, build_body("beetle", (3.0, 2.0, 1.0)))}
     if tick:
         inbox[EVENTS] = EventsBeginning(tick=tick - 1, beginning=places)
     if filaments_per_s is not None:

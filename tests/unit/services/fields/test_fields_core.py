@@ -2,11 +2,12 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_body, build_poses
+from built_scenarios import build_agent, build_scenario
 
 from gslcosim.base.errors import GslCosimError, ModelError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.environment_messages import PROBES
-from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.scenario.models.scenario import Scenario
@@ -33,48 +34,19 @@ def scenario_with():
             {"model": "anemometer", "name": "wind", "mount_m": (0.0, 0.0, 0.1)},
             {"model": "tgs2600", "name": "twin", "mount_m": (0.4, 0.0, 0.0)},
         ]
-        return Scenario.model_validate(
-            {
-                "schema": "gslcosim/scenario/1",
-                "name": "test",
-                "seed": 3,
-                "environment": {"layout": {}},
-                "gas": {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": 20.0, **gas},
-                "recording": recording or {},
-                "agents": [
-                    {
-                        "name": f"agent_{i}",
-                        "start": {"python": "x"},
-                        "vehicle": {"start_m": (1, 1, 0.2), "search_height_m": height_m},
-                        "sensors": sensors,
-                    }
-                    for i, height_m in enumerate(search_heights_m)
-                ],
-            }
-        )
+        agents = [
+            build_agent(f"agent_{i}", sensors=sensors, vehicle={"search_height_m": height_m})
+            for i, height_m in enumerate(search_heights_m)
+        ]
+        gas = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": 20.0, **gas}
+        return build_scenario(*agents, seed=3, gas=gas, recording=recording or {})
 
     return build
 
 
 def bodies(tick, position_m=(6.0, 5.3, 2.0), quaternion=(1.0, 0.0, 0.0, 0.0), agents=("agent_0",)):
-    return {
-        keys.BODIES: BodyPoses(
-            tick=tick,
-            bodies=tuple(
-                BodyState(
-                    agent=agent,
-                    position_world_m=position_m,
-                    quaternion_wxyz=quaternion,
-                    velocity_world_m_s=(0.0, 0.0, 0.0),
-                    angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-                    phase="flying",
-                    awaiting_command=False,
-                    path_length_m=0.0,
-                )
-                for agent in agents
-            ),
-        )
-    }
+    poses = build_poses(tick, *(build_body(agent, position_m, quaternion_wxyz=quaternion) for agent in agents))
+    return {keys.BODIES: poses}
 
 
 def run(core, n_ticks, seed=3):

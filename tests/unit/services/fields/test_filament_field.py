@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from built_gas import build_plume
+from built_rooms import build_air
 
 from gslcosim.base.errors import ModelError
 from gslcosim_services.fields.filament.downwash import Jets
@@ -13,9 +15,9 @@ JETS = Jets(centre_world_m=np.zeros((0, 3)), motor_distance_m=np.zeros(0), outfl
 
 
 @pytest.fixture
-def plume_of(make_plume, air):
+def plume_of():
     """Build equal plumes in a breeze."""
-    return lambda: make_plume(air(winds_m_s=((0.3, 0.1, 0.0),)), noise_std_m=0.02)
+    return lambda: build_plume(build_air(wind_m_s=((0.3, 0.1, 0.0),)), noise_std_m=0.02)
 
 
 def seen(source):
@@ -68,10 +70,10 @@ def test_a_reset_forgets_what_was_ahead(plume_of):
     assert seen(ahead) == seen(live)
 
 
-def test_an_error_is_raised_at_its_own_step(make_plume, air):
+def test_an_error_is_raised_at_its_own_step():
     """The wind is no number from the second frame of one second on."""
-    room = air(winds_m_s=((0.1, 0.0, 0.0), (0.1, 0.0, 0.0)))
-    live, ahead = make_plume(room), PrefetchedPlume(make_plume(room), step_s=0.1, steps_per_frame=1)
+    room = build_air(wind_m_s=((0.1, 0.0, 0.0), (0.1, 0.0, 0.0)))
+    live, ahead = build_plume(room), PrefetchedPlume(build_plume(room), step_s=0.1, steps_per_frame=1)
     room.wind.velocity_m_s[1] = np.nan
     for source in (live, ahead):
         source.reset(5)

@@ -7,8 +7,6 @@ from pydantic import ValidationError
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.models.filament_gas import build_gas_model
 
 PLACE = (5.0, 5.0, 2.0)
@@ -19,9 +17,8 @@ def gas_of(make_scenario, make_room):
     """Build the gas of a scenario with these sources and settings."""
 
     def build(*sources, tick_ms=100, **gas):
-        plain = plain_values(make_scenario(tick_ms=tick_ms))
-        plain["gas"] = {"sources": [{"position_m": PLACE, **source} for source in sources or ({},)], **gas}
-        return build_gas_model(Scenario.model_validate(plain), make_room())
+        gas = {"sources": [{"position_m": PLACE, **source} for source in sources or ({},)], **gas}
+        return build_gas_model(make_scenario(tick_ms=tick_ms, gas=gas), make_room())
 
     return build
 
@@ -148,9 +145,8 @@ def test_turbulence_is_that_of_the_given_intensity_or_of_the_wind(make_scenario,
     room = make_room(wind_m_s=((0.5, 0.0, 0.0),))
 
     def air_of(room, **turbulence):
-        plain = plain_values(make_scenario())
-        plain["gas"] = {"sources": [{"position_m": PLACE}], "turbulence": turbulence}
-        return build_gas_model(Scenario.model_validate(plain), room).air
+        gas = {"sources": [{"position_m": PLACE}], "turbulence": turbulence}
+        return build_gas_model(make_scenario(gas=gas), room).air
 
     given = air_of(room, intensity_frac=0.2, length_m=0.5)
     assert given.velocity_std_m_s == pytest.approx(0.1)
@@ -165,8 +161,7 @@ def test_turbulence_is_that_of_the_given_intensity_or_of_the_wind(make_scenario,
 
 
 def test_turbulence_replaces_growth_and_random_walk(make_scenario):
-    plain = plain_values(make_scenario())
     for useless in ("growth_m2_s", "eddy_diffusivity_m2_s"):
-        plain["gas"] = {"sources": [{"position_m": PLACE}], "turbulence": {}, useless: 0.01}
+        gas = {"sources": [{"position_m": PLACE}], "turbulence": {}, useless: 0.01}
         with pytest.raises(ValidationError, match=useless):
-            Scenario.model_validate(plain)
+            make_scenario(gas=gas)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from built_messages import build_body
 
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
-from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Cell
 from gslcosim_services.fields.core import FieldsCore
@@ -47,16 +48,7 @@ class Fields:
 
 
 def body(position_m=(1.5, 2.0, 1.0)):
-    return BodyState(
-        agent="beetle",
-        position_world_m=position_m,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
+    return build_body("beetle", position_m)
 
 
 @pytest.fixture

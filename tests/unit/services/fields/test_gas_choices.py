@@ -7,8 +7,6 @@ from gslcosim.base.errors import ScenarioError
 from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.gas import SourceSpec
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_formats.gaussian_plume import GaussianPlume
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.gas_builder import build_gas_field
@@ -25,10 +23,8 @@ def field_of(make_scenario, make_room):
     """Build the gas of a scenario in a room with wind along x."""
 
     def build(model, *, wind_m_s=(0.5, 0.0, 0.0), seed=3, sources=({},), **gas):
-        plain = plain_values(make_scenario())
-        plain["seed"] = seed
-        plain["gas"] = {"model": model, "sources": [{"position_m": SOURCE_M, **s} for s in sources], **gas}
-        return build_gas_field(Scenario.model_validate(plain), make_room(wind_m_s=(wind_m_s,)))
+        gas = {"model": model, "sources": [{"position_m": SOURCE_M, **s} for s in sources], **gas}
+        return build_gas_field(make_scenario(seed=seed, gas=gas), make_room(wind_m_s=(wind_m_s,)))
 
     return build
 
@@ -159,12 +155,11 @@ def test_gas_leaves_an_open_field(field_of):
 
 
 def test_a_core_samples_the_wind_of_the_open_field(make_scenario, make_room):
-    plain = plain_values(make_scenario())
-    plain["gas"] = {
+    gas = {
         "model": "farrell", "sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0,
         "farrell": {"wind_m_s": (0.7, 0.1, 0.0), "gust_std_m_s": 0.0},
     }  # fmt: skip
-    core = FieldsCore(Scenario.model_validate(plain), make_room())
+    core = FieldsCore(make_scenario(gas=gas), make_room())
     core.reset(Episode(seed=1))
     np.testing.assert_allclose(core._wind_at(POINTS, 0), [(0.7, 0.1, 0.0)] * 3, atol=1e-6)
 
@@ -181,9 +176,8 @@ def test_the_seed_of_the_gas_replaces_that_of_the_run(make_scenario, make_room):
     """Runs of different seeds then fly through the same gas."""
 
     def places(run_seed, **gas):
-        plain = plain_values(make_scenario())
-        plain["gas"] = {"sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0, **gas}
-        core = FieldsCore(Scenario.model_validate(plain), make_room())
+        gas = {"sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0, **gas}
+        core = FieldsCore(make_scenario(gas=gas), make_room())
         core.reset(Episode(seed=run_seed))
         return core.gas.filaments.position_world_m
 

@@ -2,11 +2,12 @@ import math
 
 import numpy as np
 import pytest
+from built_gas import build_filaments
+from built_rooms import build_air
 
 from gslcosim.base.errors import ShapeError
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell
-from gslcosim_services.fields.filament.plume import Filaments, filament_amount_mol
 from gslcosim_services.fields.mixing_ratio import (
     WallCells,
     Walls,
@@ -17,45 +18,35 @@ from gslcosim_services.fields.mixing_ratio import (
 )
 
 
-def cloud(positions_m, sigmas_m, *, source_index=None, ppm=(10.0,), gas_index=(0,)):
-    """Filaments whose sources release them with 0.1 m and the given ppm at the centre."""
-    n = len(positions_m)
-    return Filaments(
-        position_world_m=np.array(positions_m, float),
-        sigma_m=np.array(sigmas_m, float),
-        source_index=np.array(source_index if source_index is not None else [0] * n, np.int32),
-        amount_mol=np.array([filament_amount_mol(x, 0.1) for x in ppm]),
-        gas_index=np.array(gas_index, np.int32),
-    )
-
-
 def test_a_filament_has_its_ppm_at_the_centre_and_falls_as_a_gaussian():
     points = np.array([[1.0, 2.0, 3.0], [1.2, 2.0, 3.0], [1.0, 1.9, 3.1]])
-    ppm = mixing_ratio_ppm_at(points, cloud([(1.0, 2.0, 3.0)], [0.1]))[:, 0]
+    ppm = mixing_ratio_ppm_at(points, build_filaments([(1.0, 2.0, 3.0)], [0.1]))[:, 0]
     assert ppm == pytest.approx([10.0, 10.0 * math.exp(-2), 10.0 * math.exp(-1)], rel=1e-12)
 
 
 def test_a_grown_filament_is_diluted_by_the_cube_of_its_size():
-    ppm = mixing_ratio_ppm_at(np.zeros((1, 3)), cloud([(0.0, 0.0, 0.0)], [0.3]))[0, 0]
+    ppm = mixing_ratio_ppm_at(np.zeros((1, 3)), build_filaments([(0.0, 0.0, 0.0)], [0.3]))[0, 0]
     assert ppm == pytest.approx(10.0 / 27.0, rel=1e-12)
 
 
 def test_beyond_the_cut_off_a_filament_counts_as_zero():
     points = np.array([[0.499, 0.0, 0.0], [0.501, 0.0, 0.0], [0.299, 0.0, 0.0], [0.301, 0.0, 0.0]])
-    puff = cloud([(0.0, 0.0, 0.0)], [0.1])
+    puff = build_filaments([(0.0, 0.0, 0.0)], [0.1])
     assert (mixing_ratio_ppm_at(points, puff)[:, 0] > 0).tolist() == [True, False, True, True]
     assert (mixing_ratio_ppm_at(points, puff, cutoff_sigma=3.0)[:, 0] > 0).tolist() == [False, False, True, False]
 
 
 def test_gases_are_summed_apart_and_sources_of_one_gas_together():
-    puffs = cloud([(0.0, 0.0, 0.0)] * 3, [0.1] * 3, source_index=[0, 1, 2], ppm=(10.0, 20.0, 5.0), gas_index=(0, 1, 0))
+    puffs = build_filaments(
+        [(0.0, 0.0, 0.0)] * 3, [0.1] * 3, source_index=[0, 1, 2], ppm=(10.0, 20.0, 5.0), gas_index=(0, 1, 0)
+    )
     assert mixing_ratio_ppm_at(np.zeros((1, 3)), puffs)[0] == pytest.approx([15.0, 20.0])
     grid = {"first_point_m": (0.0, 0.0, 0.0), "spacing_m": 1.0, "shape": (1, 1, 1)}
     assert [mixing_ratio_ppm_on_grid(puffs, gas=i, **grid).item() for i in (0, 1)] == pytest.approx([15.0, 20.0])
 
 
 def test_no_filaments_are_no_gas():
-    empty = cloud(np.zeros((0, 3)), [])
+    empty = build_filaments(np.zeros((0, 3)), [])
     assert mixing_ratio_ppm_at(np.zeros((2, 3)), empty).tolist() == [[0.0], [0.0]]
 
 
@@ -66,7 +57,7 @@ def test_grids_equal_the_sum_at_points(shape, spacing_m):
     rng = np.random.default_rng(1)
     first_m = (-1.0, 0.5, 2.0)
     size_m = np.array(shape) * spacing_m
-    puffs = cloud(first_m + rng.uniform(-0.2, 1.2, (40, 3)) * size_m, rng.uniform(0.1, 0.4, 40))
+    puffs = build_filaments(first_m + rng.uniform(-0.2, 1.2, (40, 3)) * size_m, rng.uniform(0.1, 0.4, 40))
     grid = mixing_ratio_ppm_on_grid(puffs, first_point_m=first_m, spacing_m=spacing_m, shape=shape)
     points = first_m + np.stack(np.indices(shape), -1).reshape(-1, 3) * spacing_m
     expected = mixing_ratio_ppm_at(points, puffs)[:, 0].reshape(shape)
@@ -74,20 +65,20 @@ def test_grids_equal_the_sum_at_points(shape, spacing_m):
     np.testing.assert_allclose(grid, expected, rtol=1e-11, atol=0)
 
 
-def test_gas_behind_a_wall_is_not_read(air):
+def test_gas_behind_a_wall_is_not_read():
     cells = np.zeros((20, 16, 12), np.uint8)
     cells[10, :8, :] = Cell.SOLID
-    walls = Walls.of(air(occupancy=cells))
-    puff = cloud([(2.2, 1.0, 1.0)], [0.4])
+    walls = Walls.of(build_air(cells))
+    puff = build_filaments([(2.2, 1.0, 1.0)], [0.4])
     points = np.array([[2.9, 1.0, 1.0], [2.0, 1.0, 1.0], [2.9, 2.4, 1.0]])
     free = mixing_ratio_ppm_at(points, puff)[:, 0]
     assert (free > 0).all()
     assert mixing_ratio_ppm_at(points, puff, walls=walls)[:, 0].tolist() == [0.0, free[1], 0.0]
-    around = cloud([(2.2, 2.3, 1.0)], [0.3])
+    around = build_filaments([(2.2, 2.3, 1.0)], [0.3])
     assert mixing_ratio_ppm_at(points[2:], around, walls=walls)[0, 0] > 0
 
 
-def test_the_summed_table_changes_no_line_of_sight(air):
+def test_the_summed_table_changes_no_line_of_sight():
     """Random points in a room with random solids, some points outside the grid."""
     rng = np.random.default_rng(5)
     cells = (rng.random((11, 7, 5)) < 0.05).astype(np.uint8)
@@ -110,4 +101,4 @@ def test_sums_of_solids_count_the_cells_below_each_corner():
 
 def test_points_of_another_shape_are_refused():
     with pytest.raises(ShapeError, match=r"expected shape \(m, 3\), was \(3,\)"):
-        mixing_ratio_ppm_at(np.zeros(3), cloud([(0.0, 0.0, 0.0)], [0.1]))
+        mixing_ratio_ppm_at(np.zeros(3), build_filaments([(0.0, 0.0, 0.0)], [0.1]))

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_body, build_poses
+from built_scenarios import NOSE
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.sample_points import Beams, distance_to_wall_m
 
@@ -22,29 +21,15 @@ def scenario_of(make_scenario):
     """Build a scenario whose agent has a laser half a metre ahead of it, looking ahead, and a nose."""
 
     def build(*, warm_up_s=10.0, **laser):
-        plain = plain_values(make_scenario())
-        plain["gas"] = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": warm_up_s}
-        plain["agents"][0]["sensors"] = [
-            {"model": "tdlas", "name": "laser", "mount_m": (0.5, 0.0, 0.0), **laser},
-            {"model": "tgs2600", "name": "nose"},
-        ]
-        return Scenario.model_validate(plain)
+        gas = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": warm_up_s}
+        laser = {"model": "tdlas", "name": "laser", "mount_m": (0.5, 0.0, 0.0), **laser}
+        return make_scenario(sensors=[laser, NOSE], gas=gas)
 
     return build
 
 
 def poses(position_m=(6.0, 5.3, 2.0), quaternion=(1.0, 0.0, 0.0, 0.0), agent="agent_0"):
-    body = BodyState(
-        agent=agent,
-        position_world_m=position_m,
-        quaternion_wxyz=quaternion,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-    return BodyPoses(tick=0, bodies=(body,))
+    return build_poses(0, build_body(agent, position_m, quaternion_wxyz=quaternion))
 
 
 def test_the_way_to_a_wall_is_that_of_small_steps():

@@ -5,22 +5,16 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.service import SERVICE
 
 
 def test_a_host_without_the_stored_gas_is_told_before_it_builds_the_service(tmp_path, make_scenario, make_room):
     stored = tmp_path / "film.npz"
-    plain = plain_values(make_scenario())
-    plain["gas"] = {
-        "model": "playback",
-        "sources": [{"position_m": (5.0, 1.0, 2.0)}],
-        "playback": {"folder": str(stored)},
-    }
+    sources = [{"position_m": (5.0, 1.0, 2.0)}]
+    gas = {"model": "playback", "sources": sources, "playback": {"folder": str(stored)}}
     setup = RunSetup(
         run_dir=RunDir(tmp_path),
-        scenario=Scenario.model_validate(plain),
+        scenario=make_scenario(gas=gas),
         environment_dir=tmp_path,
         environment=make_room(),
     )

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from built_rooms import build_air
 
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
@@ -49,9 +50,9 @@ def test_equals_the_plain_sum(n_gases, beyond, block_m):
 
 @pytest.mark.parametrize("beyond", [0.0, 0.3])
 @pytest.mark.parametrize("solid_frac", [0.0, 0.001, 0.05])
-def test_equals_the_plain_sum_behind_walls(air, beyond, solid_frac):
+def test_equals_the_plain_sum_behind_walls(beyond, solid_frac):
     cells = (np.random.default_rng(3).random(SHAPE) < solid_frac).astype(np.uint8)
-    walls = Walls.of(air(occupancy=cells, origin_m=ORIGIN_M, cell_m=CELL_M))
+    walls = Walls.of(build_air(cells, origin_m=ORIGIN_M, cell_m=CELL_M))
     filaments = cloud(1500, beyond=beyond)
     expected = mixing_ratio_ppm_at(points(), filaments, walls=walls)
     found = indexed(filaments).mixing_ratio_ppm_at(points(), walls=walls)

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from built_gas import build_plume
+from built_messages import build_body, build_poses
 
 from gslcosim.base.errors import EnvironmentDataError, ModelError
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_formats.field_samplers import Instant, ScenarioFieldSampler, ViewOptions
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.tape import GasTape, TapeSchedule, record_tape, tape_hash
@@ -33,10 +32,8 @@ def scenario_of(make_scenario):
     """Build a short scenario whose gas is on tape or not."""
 
     def build(*, tape=True, sources=SOURCES[:1], time_limit_s=2.0, tick_ms=100, **gas):
-        plain = plain_values(make_scenario(tick_ms=tick_ms))
-        plain["gas"] = {"sources": sources, "warm_up_s": 3.0, "tape": tape, **gas}
-        plain["referee"]["stop"]["time_limit_s"] = time_limit_s
-        return Scenario.model_validate(plain)
+        gas = {"sources": sources, "warm_up_s": 3.0, "tape": tape, **gas}
+        return make_scenario(tick_ms=tick_ms, gas=gas, referee={"stop": {"time_limit_s": time_limit_s}})
 
     return build
 
@@ -45,19 +42,10 @@ def messages(scenario, room, *, seed=3, n_ticks=21):
     """Everything that the fields say in a run, as bytes."""
     core = FieldsCore(scenario, room)
     core.reset(Episode(seed=seed))
+    body = build_body("agent_0", (6.0, 5.3, 2.0))
     said = []
     for tick in range(n_ticks):
-        body = BodyState(
-            agent="agent_0",
-            position_world_m=(6.0, 5.3, 2.0),
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-            velocity_world_m_s=(0.0, 0.0, 0.0),
-            angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-            phase="flying",
-            awaiting_command=False,
-            path_length_m=0.0,
-        )
-        outbox = core.step(tick, {keys.BODIES: BodyPoses(tick=tick, bodies=(body,))})
+        outbox = core.step(tick, {keys.BODIES: build_poses(tick, body)})
         said += [codec.encode(message) for _, message in sorted(outbox.items())]
     return said
 
@@ -113,17 +101,17 @@ def test_a_damaged_tape_is_recorded_again(scenario_of, room, cache, caplog):
         assert "damaged and is recorded anew" in caplog.text
 
 
-def test_the_second_recorder_keeps_the_tape_of_the_first(scenario_of, room, cache, make_plume):
+def test_the_second_recorder_keeps_the_tape_of_the_first(scenario_of, room, cache):
     schedule = TapeSchedule(first_step=0, stride=1, n_frames=5)
-    record_tape(make_plume(), schedule, cache / "tape")
+    record_tape(build_plume(), schedule, cache / "tape")
     before = (cache / "tape" / "head.json").stat().st_ino
-    record_tape(make_plume(), schedule, cache / "tape")
+    record_tape(build_plume(), schedule, cache / "tape")
     assert (cache / "tape" / "head.json").stat().st_ino == before
     assert [path.name for path in cache.iterdir()] == ["tape"]
 
 
-def test_a_plume_without_filaments_can_be_on_tape(cache, make_plume):
-    record_tape(make_plume(), TapeSchedule(first_step=0, stride=1, n_frames=1), cache / "tape")
+def test_a_plume_without_filaments_can_be_on_tape(cache):
+    record_tape(build_plume(), TapeSchedule(first_step=0, stride=1, n_frames=1), cache / "tape")
     assert GasTape(cache / "tape").frame(0)[0].shape == (0, 4)
 
 

@@ -2,30 +2,27 @@
 
 import numpy as np
 import pytest
+from built_gas import build_filaments
+from built_rooms import build_air
 
 from gslcosim.environment.model import Cell
-from gslcosim_services.fields.filament.plume import Filaments, filament_amount_mol
 from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at, strength_ppm_m3
 from gslcosim_services.fields.wall_images import NO_WALL, WallImages, count_cells_to_walls
 
 SIGMA_M = 0.3
+# Of a filament of 0.1 m that has 10 ppm at this size.
+RELEASED_PPM = 270.0
 ORIGIN_M = (1.0, -2.0, 0.5)
 
 
 @pytest.fixture
-def room(air):
+def room():
     """A closed box of 5 x 4 x 3 m."""
-    return air(origin_m=ORIGIN_M)
+    return build_air(origin_m=ORIGIN_M)
 
 
 def filament_at(offset_m):
-    return Filaments(
-        position_world_m=np.add([ORIGIN_M], [offset_m]),
-        sigma_m=np.array([SIGMA_M]),
-        source_index=np.zeros(1, np.int32),
-        amount_mol=np.array([filament_amount_mol(10.0, SIGMA_M)]),
-        gas_index=np.zeros(1, np.int32),
-    )
+    return build_filaments(np.add([ORIGIN_M], [offset_m]), [SIGMA_M], ppm=[RELEASED_PPM])
 
 
 def gas_in(room, filament, images):
@@ -71,17 +68,11 @@ def test_outlets_reflect_nothing():
     assert counts[3, 1, 1].tolist() == [NO_WALL] * 6
 
 
-def test_behind_an_obstacle_there_is_no_image_of_its_front(air):
+def test_behind_an_obstacle_there_is_no_image_of_its_front():
     occupancy = np.zeros((20, 16, 12), np.uint8)
     occupancy[8:10, :8] = Cell.SOLID
-    room = air(occupancy=occupancy)
-    filament = Filaments(
-        position_world_m=np.array([[1.9, 1.9, 1.5]]),
-        sigma_m=np.array([SIGMA_M]),
-        source_index=np.zeros(1, np.int32),
-        amount_mol=np.array([filament_amount_mol(10.0, SIGMA_M)]),
-        gas_index=np.zeros(1, np.int32),
-    )
+    room = build_air(occupancy)
+    filament = build_filaments([(1.9, 1.9, 1.5)], [SIGMA_M], ppm=[RELEASED_PPM])
     points_m = np.array([[2.2, 2.4, 1.5]])
     plain = mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
     imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)

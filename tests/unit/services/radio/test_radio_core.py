@@ -1,11 +1,12 @@
 """What is sent, when it is heard, and what is refused."""
 
 import pytest
+from built_messages import build_body
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
-from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
+from gslcosim.contract.messages import BodyPoses, Command, RadioMessage
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.services import build_dataflow, list_service_names
 from gslcosim.scenario.serialization import plain_values
@@ -13,16 +14,7 @@ from gslcosim_services.radio.core import RadioCore
 
 
 def body(agent, x_m=0.0):
-    return BodyState(
-        agent=agent,
-        position_world_m=(float(x_m), 2.0, 1.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="holding",
-        awaiting_command=True,
-        path_length_m=0.0,
-    )
+    return build_body(agent, (float(x_m), 2.0, 1.0), phase="holding", awaiting_command=True)
 
 
 @pytest.fixture
@@ -30,10 +22,7 @@ def with_channels(make_scenario):
     """Build a scenario of three agents, agent_0 to agent_2, with these channels."""
 
     def build(*channels, **options):
-        scenario = make_scenario({}, {}, {}, **options)
-        fields = plain_values(scenario)
-        fields["channels"] = [{"name": "radio", **channel} for channel in channels]
-        return type(scenario).model_validate(fields)
+        return make_scenario({}, {}, {}, channels=[{"name": "radio", **channel} for channel in channels], **options)
 
     return build
 

@@ -4,6 +4,8 @@ import io
 import math
 
 import numpy as np
+from built_messages import build_body
+from built_scenarios import build_agent, build_scenario
 from PIL import Image
 
 from gslcosim.base.rng import stream
@@ -14,7 +16,6 @@ from gslcosim.contract.messages import (
     Belief,
     BeliefScore,
     BodyPoses,
-    BodyState,
     CameraImage,
     Command,
     ConcentrationSlice,
@@ -30,7 +31,6 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, CameraSensorSpec, OnBoardSensorSpec
 from gslcosim_services.sensing.models import sensor_kind
 
@@ -51,25 +51,8 @@ CAMERA_EVERY_TICKS = 2
 
 def scenario(n_agents=1, channels=(), sensors=NOSE_AND_VANE, sources=({"position_m": SOURCE_M},)):
     """Return a scenario of agents with the same sensors each."""
-    agents = [
-        {
-            "name": f"agent_{i}",
-            "start": {"python": "dung_beetle"},
-            "vehicle": {"start_m": (9.0 - i, 4.0, 0.2)},
-            "sensors": sensors,
-        }
-        for i in range(n_agents)
-    ]
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "scripted",
-            "environment": {"layout": {}},
-            "gas": {"sources": sources},
-            "agents": agents,
-            "channels": channels,
-        }
-    )
+    agents = [build_agent(f"agent_{i}", (9.0 - i, 4.0, 0.2), sensors=sensors) for i in range(n_agents)]
+    return build_scenario(*agents, name="scripted", gas={"sources": sources}, channels=channels)
 
 
 class ScriptedFlight:
@@ -145,14 +128,10 @@ class ScriptedFlight:
         return messages
 
     def _body(self, tick, i):
-        return BodyState(
-            agent=self._names[i],
-            position_world_m=self.position_m(tick, i),
+        return build_body(
+            self._names[i],
+            self.position_m(tick, i),
             quaternion_wxyz=(math.cos(self.yaw_rad(tick) / 2), 0.0, 0.0, math.sin(self.yaw_rad(tick) / 2)),
-            velocity_world_m_s=(0.0, 0.0, 0.0),
-            angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-            phase="flying",
-            awaiting_command=False,
             path_length_m=0.04 * tick,
             contacts=self._contacts[tick] if tick < len(self._contacts) else (),
             tracking_error_m=0.01 * (tick + i),

@@ -13,15 +13,15 @@ from gslcosim_services.recorder.rerun_cli import is_complete, repair_recording
 
 KILLED = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:3]
 from pathlib import Path
-from bench_recording import room
+from built_rooms import build_closed_room
 from scripted_flight import ScriptedFlight
 from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder.core import RecorderCore
 
 flight = ScriptedFlight(n_ticks=300)
-core = RecorderCore(flight.scenario, room(), Path(sys.argv[2]))
+core = RecorderCore(flight.scenario, build_closed_room(), Path(sys.argv[3]))
 core.reset(Episode(seed=0))
 for tick in range(300):
     core.step(tick, flight.inbox(tick))
@@ -63,8 +63,8 @@ def test_no_row_is_lost_when_only_the_footer_is(record, rows_of, n_missing):
 @pytest.mark.slow
 def test_a_killed_recorder_leaves_everything_up_to_the_verdict(rows_of, tmp_path):
     path = tmp_path / "recording.rrd"
-    benchmarks = Path(__file__).parents[3] / "benchmarks"
-    call = [sys.executable, "-c", KILLED, str(benchmarks), str(path)]
+    kit = Path(__file__).parents[3] / "kit"
+    call = [sys.executable, "-c", KILLED, str(kit), str(Path(__file__).parent), str(path)]
     with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as recorder:
         assert recorder.stdout is not None
         assert recorder.stdout.read(8) == "recorded"

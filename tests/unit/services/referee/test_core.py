@@ -5,6 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from built_messages import build_body, build_sample
+from built_rooms import build_air
+from built_scenarios import build_agent, build_scenario
 
 from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
@@ -16,14 +19,13 @@ from gslcosim.contract.messages import (
     Command,
     Declaration,
     FieldSamples,
-    GasAmount,
     MountSample,
     Score,
     Verdict,
 )
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.record import NumericArray
-from gslcosim.environment.model import Box, Environment, Grid, WindFrames
+from gslcosim.environment.model import Box, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.referee.core import RefereeCore
@@ -35,61 +37,22 @@ START = (8.0, 1.0, 0.1)
 
 def room() -> Environment:
     """Air of 10 x 6 x 4 m over a floor, without wind."""
-    shape = (20, 12, 8)
     floor = Box(name="floor", kind="floor", min_m=(0.0, 0.0, -0.2), max_m=(10.0, 6.0, 0.0))
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=shape),
-        occupancy=np.zeros(shape, np.uint8),
-        wind=WindFrames(velocity_m_s=np.zeros((1, *shape, 3), np.float32)),
-        boxes=(floor,),
-        openings=(),
-        content_hash="0",
-    )
+    return build_air((20, 12, 8), cell_m=0.5, boxes=[floor])
 
 
 def scenario(*names: str, sources=(SOURCE,), mode="on_request", model="iris", **referee) -> Scenario:
-    agents = [
-        {
-            "name": name,
-            "start": {"attach": True},
-            "mode": mode,
-            "vehicle": {"model": model, "start_m": START},
-            "sensors": [{"model": "tgs2600", "name": "nose"}],
-        }
-        for name in names or ("beetle",)
-    ]
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "test",
-            "environment": {"path": "room"},
-            "gas": {"sources": [{"position_m": place} for place in sources]},
-            "agents": agents,
-            "referee": referee,
-        }
-    )
+    agents = (build_agent(name, START, mode=mode, vehicle={"model": model}) for name in names or ("beetle",))
+    gas = {"sources": [{"position_m": place} for place in sources]}
+    return build_scenario(*agents, gas=gas, referee=referee)
 
 
-def body(agent: str = "beetle", position_m=FAR, *, phase: str = "flying", **more) -> BodyState:
-    return BodyState(
-        **{
-            "agent": agent,
-            "position_world_m": position_m,
-            "quaternion_wxyz": (1.0, 0.0, 0.0, 0.0),
-            "velocity_world_m_s": (0.0, 0.0, 0.0),
-            "angular_velocity_body_rad_s": (0.0, 0.0, 0.0),
-            "phase": phase,
-            "awaiting_command": False,
-            "path_length_m": 0.0,
-        }
-        | more
-    )
+def body(agent: str = "beetle", position_m=FAR, **more) -> BodyState:
+    return build_body(agent, position_m, **more)
 
 
 def sample(ppm: float, agent: str = "beetle") -> MountSample:
-    gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),)
-    return MountSample(agent=agent, sensor="nose", gases=gases, wind_world_m_s=(0.0, 0.0, 0.0))
+    return build_sample(agent, ethanol=ppm)
 
 
 class Court:

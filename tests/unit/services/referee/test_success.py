@@ -1,9 +1,10 @@
 """The judges of success, fed with hand-made evidence."""
 
 import pytest
+from built_messages import build_body
 
 from gslcosim.base.errors import ModelError
-from gslcosim.contract.messages import BeliefScore, BodyState
+from gslcosim.contract.messages import BeliefScore
 from gslcosim.scenario.models.success import (
     AllSourcesSuccess,
     DeclarationSuccess,
@@ -14,20 +15,10 @@ from gslcosim.scenario.models.success import (
 from gslcosim_services.referee.success import Evidence, build_criterion
 
 SOURCES_M = ((2.0, 1.0, 2.0), (8.0, 1.0, 2.0))
-BODY = BodyState(
-    agent="beetle",
-    position_world_m=(0.0, 0.0, 0.0),
-    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-    velocity_world_m_s=(0.0, 0.0, 0.0),
-    angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-    phase="flying",
-    awaiting_command=False,
-    path_length_m=0.0,
-)
 
 
 def seen(*distances_m: float, **more) -> Evidence:
-    return Evidence(time_s=1.0, body=BODY, distances_m=distances_m or (9.0, 9.0), **more)
+    return Evidence(time_s=1.0, body=build_body(), distances_m=distances_m or (9.0, 9.0), **more)
 
 
 def belief(mass: float) -> BeliefScore:

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from built_scenarios import build_agent, build_scenario
 
 from gslcosim.contract.messages import KnownMap, Task
 from gslcosim.scenario.models.gas import FarrellGasSpec
@@ -12,14 +13,12 @@ PILLAR = ("pillar", (3.0, 2.0, 0.0), (4.0, 3.0, 1.0))
 
 
 @pytest.fixture
-def scenario_with(make_scenario):
+def scenario_with():
     """Build a scenario whose one agent is granted knowledge and has parameters."""
 
     def build(knows, **agent):
-        values = make_scenario({"search_height_m": 0.5}).model_dump(mode="json", by_alias=True, exclude_unset=True)
-        values["agents"][0] |= {"knows": knows, **agent}
-        values["wind"] = {"solver": "uniform", "inlet_velocity_m_s": [0.3, 0.4, 0]}
-        return type(make_scenario()).model_validate_json(__import__("json").dumps(values))
+        agent = build_agent("agent_0", **{"vehicle": {"hold_s": 0.5, "search_height_m": 0.5}, "knows": knows, **agent})
+        return build_scenario(agent, wind={"solver": "uniform", "inlet_velocity_m_s": [0.3, 0.4, 0]})
 
     return build
 

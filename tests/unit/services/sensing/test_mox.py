@@ -1,9 +1,9 @@
 import math
 
 import pytest
+from built_messages import build_sample
 
 from gslcosim.base.rng import stream
-from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import (
@@ -16,11 +16,6 @@ from gslcosim_services.sensing.models.mox import (
 )
 
 STILL = (0.0, 0.0, 0.0)
-
-
-def sample(**ppm):
-    gases = tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in ppm.items())
-    return MountSample(agent="a", sensor="nose", gases=gases, wind_world_m_s=STILL)
 
 
 def build_nose(tick_s):
@@ -82,25 +77,25 @@ def test_a_gas_without_figures_has_no_effect():
 
 def test_the_first_reading_is_that_of_clean_air():
     sensor = build_nose(0.1)
-    reading = sensor.read(sample(ethanol=50.0), STILL)
+    reading = sensor.read(build_sample(ethanol=50.0), STILL)
     assert (reading.sensor, reading.quantity, reading.unit, reading.values) == ("nose", "resistance", "ohm", (50000.0,))
 
 
 def test_decay_is_slower_than_rise():
     sensor = build_nose(0.1)
-    sensor.read(sample(), STILL)
-    fall_ohm = 50000.0 - sensor.read(sample(ethanol=10.0), STILL).values[0]
+    sensor.read(build_sample(), STILL)
+    fall_ohm = 50000.0 - sensor.read(build_sample(ethanol=10.0), STILL).values[0]
     low_ohm = math.inf
     for _ in range(1000):
-        low_ohm = sensor.read(sample(ethanol=10.0), STILL).values[0]
-    back_ohm = sensor.read(sample(), STILL).values[0] - low_ohm
+        low_ohm = sensor.read(build_sample(ethanol=10.0), STILL).values[0]
+    back_ohm = sensor.read(build_sample(), STILL).values[0] - low_ohm
     assert low_ohm == pytest.approx(16278.8, abs=0.1)
     assert back_ohm / fall_ohm == pytest.approx(math.expm1(-0.1 / 18.75) / math.expm1(-0.1 / 4.8))
 
 
 def test_saturation_is_reported():
     sensor = build_nose(1.0)
-    readings = [sensor.read(sample(ethanol=1e8), STILL) for _ in range(300)]
+    readings = [sensor.read(build_sample(ethanol=1e8), STILL) for _ in range(300)]
     assert not readings[0].is_saturated
     assert readings[-1].is_saturated
     assert readings[-1].values[0] == pytest.approx(500.0)

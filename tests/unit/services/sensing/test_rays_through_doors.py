@@ -1,10 +1,11 @@
 """A range finder sees a door while it is closed, and what is behind it from the tick on in which it opens."""
 
 import pytest
+from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
-from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples
+from gslcosim.contract.messages import FieldSamples
 from gslcosim.contract.participant import Episode
 from gslcosim_services.sensing.core import SensingCore
 
@@ -12,17 +13,8 @@ FINDER = "agents[0].sensors=[{model: range_finder, name: front, max_range_m: 10,
 
 
 def step(core, tick, *events):
-    at_rest = BodyState(
-        agent="beetle",
-        position_world_m=(1.5, 2.0, 1.0),
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="flying",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-    inbox = {keys.BODIES: BodyPoses(tick=tick, bodies=(at_rest,)), keys.SAMPLES: FieldSamples(tick=tick, samples=())}
+    poses = build_poses(tick, build_body("beetle", (1.5, 2.0, 1.0)))
+    inbox = {keys.BODIES: poses, keys.SAMPLES: FieldSamples(tick=tick, samples=())}
     if tick:
         inbox[EVENTS] = EventsBeginning(tick=tick - 1, beginning=events)
     (reading,) = core.step(tick, inbox)["agents/beetle/observation"].readings

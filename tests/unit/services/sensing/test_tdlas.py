@@ -1,9 +1,9 @@
 """The open-path laser."""
 
 import pytest
+from built_messages import build_sample
 
 from gslcosim.base.rng import stream
-from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 
@@ -13,7 +13,6 @@ def test_the_reading_is_mean_times_length_and_nothing_without_an_echo(beam_m, va
     sensor = SENSOR_MODELS["tdlas_ideal"].build(
         make_sensor_spec(model="tdlas_ideal", name="laser"), 0.1, stream(1, "laser")
     )
-    gases = (GasAmount(gas="methane", mixing_ratio_ppm=2.5), GasAmount(gas="ethanol", mixing_ratio_ppm=100.0))
-    sample = MountSample(agent="a", sensor="laser", gases=gases, wind_world_m_s=(0.0, 0.0, 0.0), beam_m=beam_m)
+    sample = build_sample("a", "laser", beam_m=beam_m, methane=2.5, ethanol=100.0)
     reading = sensor.read(sample, (0.0, 0.0, 0.0))
     assert (reading.values, reading.unit, reading.is_saturated) == ((value,), "ppm m", is_saturated)

@@ -1,11 +1,10 @@
 """Sensor models of installed packages."""
 
 import importlib
-import sys
-import types
 from dataclasses import replace
 
 import pytest
+from offering_packages import install_package
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.loader import load_scenario
@@ -21,17 +20,7 @@ def package(tmp_path, monkeypatch):
     """Install a package that offers things under names of sensors."""
 
     def install(**offers):
-        module = types.ModuleType("somebodys_sensors")
-        vars(module).update(offers)
-        monkeypatch.setitem(sys.modules, "somebodys_sensors", module)
-        folder = tmp_path / "somebodys_sensors-1.0.dist-info"
-        folder.mkdir()
-        (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-sensors\nVersion: 1.0\n")
-        lines = [f"{name} = somebodys_sensors:{name}" for name in offers]
-        lines.append("broken = somebodys_missing_module:broken")
-        (folder / "entry_points.txt").write_text("\n".join([f"[{SENSOR_ENTRY_POINTS}]", *lines]) + "\n")
-        monkeypatch.syspath_prepend(str(tmp_path))
-        importlib.invalidate_caches()
+        install_package(monkeypatch, tmp_path, "somebodys_sensors", SENSOR_ENTRY_POINTS, **offers)
         names_in_scenarios.cache_clear()
 
     yield install

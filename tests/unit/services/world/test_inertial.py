@@ -1,21 +1,18 @@
 """What an IMU would feel, as the world tells it."""
 
 import pytest
+from built_scenarios import NOSE
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.world.core import WorldCore
 
 G = 9.81
 
 
 def ticks(make_scenario, room, n, has_imu=True, **commands):
-    values = plain_values(make_scenario({"start_m": (5.0, 5.0, 2.0)}))
-    if has_imu:
-        values["agents"][0]["sensors"] = [{"model": "imu", "name": "imu"}]
-    core = WorldCore(Scenario.model_validate(values), room)
+    sensors = [{"model": "imu", "name": "imu"}] if has_imu else [NOSE]
+    core = WorldCore(make_scenario({"start_m": (5.0, 5.0, 2.0)}, sensors=sensors), room)
     core.reset(Episode(seed=0))
     return [core.step(tick, commands.get(f"t{tick}", {}))["truth/bodies"].bodies[0] for tick in range(n)]
 

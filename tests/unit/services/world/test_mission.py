@@ -155,18 +155,6 @@ def test_the_last_waypoint_of_the_take_off_is_flown_after_it(make_pilot):
     assert phases(pilot) == ["on_ground", "taking_off", "flying"]
 
 
-def test_repeating_a_waypoint_changes_nothing(make_pilot):
-    once, often = make_pilot(mode="lockstep"), make_pilot(mode="lockstep")
-    for pilot in (once, often):
-        pilot.run(45)
-        pilot.step(agent_0=WAYPOINT)
-    for _ in range(60):
-        once.step(agent_0={"kind": "noop"})
-        often.step(agent_0=WAYPOINT)
-    assert often.log == once.log
-    assert often.body().phase == "holding"
-
-
 def test_a_new_waypoint_replaces_the_flight_without_a_jump(make_pilot):
     pilot = make_pilot(mode="lockstep")
     pilot.run(45)
@@ -260,14 +248,15 @@ def test_a_new_velocity_turns_the_flight_within_the_acceleration(make_pilot):
     assert pilot.run(25).velocity_world_m_s == pytest.approx((0.0, 1.0, 0.0), abs=0.03)
 
 
-def test_repeating_a_velocity_changes_nothing(make_pilot):
+@pytest.mark.parametrize(("command", "n_ticks"), [(WAYPOINT, 60), (velocity(0.6, 0.3, 0.0), 30)])
+def test_repeating_a_command_changes_nothing(make_pilot, command, n_ticks):
     once, often = make_pilot(mode="lockstep"), make_pilot(mode="lockstep")
     for pilot in (once, often):
         pilot.run(45)
-        pilot.step(agent_0=velocity(0.6, 0.3, 0.0))
-    for _ in range(30):
+        pilot.step(agent_0=command)
+    for _ in range(n_ticks):
         once.step(agent_0={"kind": "noop"})
-        often.step(agent_0=velocity(0.6, 0.3, 0.0))
+        often.step(agent_0=command)
     assert often.log == once.log
 
 

@@ -14,7 +14,6 @@ from gslcosim_services.world.multirotor_control import (
     reference_at,
     rotation_from_quaternion,
     rotor_speed_command,
-    rotor_wrench,
     thrust_along,
 )
 from gslcosim_services.world.trajectory import Trajectory
@@ -119,12 +118,6 @@ def test_gyroscopic_torque_is_cancelled(iris_constants):
     omega = np.array([0.5, -0.3, 2.0])
     torque = attitude_wrench(iris_constants[0], LEVEL, *omega.tolist(), 0.0, 0.0, G, 0.0, 0.0, 0.0)[1:]
     assert torque == pytest.approx((-J * k_w * omega + np.cross(omega, J * omega)).tolist())
-
-
-def test_rotors_give_the_wrench_that_was_asked_for(iris_constants):
-    wrench = (15.0, 0.4, -0.3, 0.1)
-    speeds = np.array([rotor_speed_command(iris_constants[0], i, *wrench) for i in range(4)])
-    assert rotor_wrench(iris_constants[0], speeds)[:4] == pytest.approx(wrench)
 
 
 def test_rotor_commands_stay_within_reach(iris_constants):

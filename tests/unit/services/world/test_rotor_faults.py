@@ -2,7 +2,6 @@
 
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.world.core import WorldCore
 
 LOST_AT = 60
@@ -20,9 +19,8 @@ def heights_m(core, n_ticks=120):
 
 
 def core_of(make_room, make_scenario, share):
-    scenario = make_scenario({"start_m": (7.0, 5.0, 0.1)})
     event = {"what": "rotor_weakens", "at_s": 6.0, "agent": "agent_0", "rotor": 0, "share": share}
-    return WorldCore(type(scenario).model_validate({**plain_values(scenario), "events": [event]}), make_room())
+    return WorldCore(make_scenario({"start_m": (7.0, 5.0, 0.1)}, events=[event]), make_room())
 
 
 def test_a_weak_rotor_is_felt_from_its_event_on_and_a_lost_one_brings_the_vehicle_down(make_room, make_scenario):

@@ -97,11 +97,6 @@ def test_a_suite_has_its_folders_name_and_says_what_it_asks(name: str) -> None:
     assert suite.question in readme_of(name)
 
 
-def test_names_of_suites_are_unique() -> None:
-    names = [loaded(name).suite.name for name in SUITES]
-    assert len(set(names)) == len(names)
-
-
 @pytest.mark.parametrize("name", SUITES)
 def test_trials_are_as_many_as_the_readme_says(name: str) -> None:
     assert trials_counted(name) == trials_said(name)

@@ -131,16 +131,3 @@ def test_formats_of_the_command_are_those_that_there_are():
 def test_wrong_calls_are_reported(scenario, capsys, words, expected):
     assert main([word.format(here=scenario.parent) for word in words]) == 2
     assert expected in capsys.readouterr().err
-
-
-@needs_reference
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "counts"),
-    [("001", (218936, 17859, 365)), ("003", (203238, 33557, 365)), ("005", (191563, 45232, 365))],
-)
-def test_published_environments_are_imported(tmp_path, capsys, name, counts):
-    assert main(["environment", "import", str(ENVIRONMENTS_DIR / name), "--out", str(tmp_path / "env"), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert (printed["n_free_cells"], printed["n_solid_cells"], printed["n_outlet_cells"]) == counts
-    assert "all 237160 cells are still air" in printed["notices"][0]

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import PointGrid
 
@@ -22,12 +20,11 @@ def played(tmp_path, make_scenario, make_room):
         (tmp_path / f"iteration_{i}").write_bytes(gaden.compressed(gaden.version_3()))
 
     def build(*, gas="methane", source_m=gaden.SOURCE_M, **playback):
-        plain = plain_values(make_scenario())
-        plain["gas"] = {
+        settings = {
             "model": "playback", "gas": gas, "sources": [{"position_m": source_m}],
             "playback": {"folder": str(tmp_path), **playback},
         }  # fmt: skip
-        return build_gas_field(Scenario.model_validate(plain), make_room())
+        return build_gas_field(make_scenario(gas=settings), make_room())
 
     return build
 
@@ -55,9 +52,8 @@ def test_a_film_can_be_played(tmp_path, make_scenario, make_room):
     ppm[1, 8, 10] = 7.0
     path = tmp_path / "film.npz"
     np.savez(path, time_s=[0.0, 1.0], mixing_ratio_ppm=ppm[..., 0], origin_m=np.zeros(3), cell_m=0.5)
-    plain = plain_values(make_scenario())
-    plain["gas"] = {"model": "playback", "sources": [{"position_m": SOURCE_M}], "playback": {"folder": str(path)}}
-    field = build_gas_field(Scenario.model_validate(plain), make_room())
+    gas = {"model": "playback", "sources": [{"position_m": SOURCE_M}], "playback": {"folder": str(path)}}
+    field = build_gas_field(make_scenario(gas=gas), make_room())
     place = np.array([(4.2, 5.2, 2.0)])
     values = []
     for _ in range(3):

@@ -1,8 +1,7 @@
+import briefings
 import numpy as np
 import pytest
-from built_messages import build_observation
 
-from gslcosim.contract.messages import Reading
 from gslcosim_search.maps.kernel_dm import GasMaps, ReadingCollector, choose_next_cell
 from gslcosim_search.senses.instruments import Nose, Vane
 
@@ -11,18 +10,10 @@ VANE = Vane(name="vane")
 
 
 def observation(tick: int, *, x_m: float = 0.0, ppm: float = 1.0, speed_m_s: float = 0.0, warms_up: bool = False):
-    return build_observation(
-        tick,
-        agent="searcher",
-        position_world_m=(x_m, 0.0, 2.0),
-        velocity_world_m_s=(speed_m_s, 0.0, 0.0),
-        status="flying",
-        awaiting_command=False,
-        readings=(
-            Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(ppm,), is_warming_up=warms_up),
-            Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(0.5, 0.0)),
-        ),
-    )
+    return briefings.observation(
+        tick=tick, position_m=(x_m, 0.0, 2.0), velocity_m_s=(speed_m_s, 0.0, 0.0), asked=False, status="flying",
+        readings={"nose": ppm, "vane": (0.5, 0.0)}, warming=["nose"] if warms_up else (),
+    )  # fmt: skip
 
 
 def test_readings_are_taken_every_so_often_and_put_where_the_vehicle_was_a_lag_before():

@@ -14,8 +14,7 @@ def pilot(**changes):
 
 
 def at(x_m, y_m, z_m=2.0, *, tick=40, notice=None, status="holding"):
-    seen = observation(tick=tick, position_m=(x_m, y_m, z_m), notice=notice)
-    return seen.model_copy(update={"status": status})
+    return observation(tick=tick, position_m=(x_m, y_m, z_m), notice=notice, status=status)
 
 
 @pytest.mark.parametrize("target_m", [(20.0, 5.0), (-3.0, 20.0), (7.0, -9.0), (8.0, 5.5)])

@@ -1,16 +1,13 @@
 import math
 
+import briefings
 import numpy as np
 import pytest
-from built_messages import build_briefing, build_observation
 
 from gslcosim.contract.messages import (
-    Bounds,
     Briefing,
     KnownMap,
     Observation,
-    Reading,
-    SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
 from gslcosim_search.motion.grid_paths import is_free_at
@@ -22,43 +19,19 @@ START_M = (2.0, 2.0, 2.0)
 
 def plan(*, wall_to_m: float = 6.0) -> KnownMap:
     """A room of 10 x 8 m with a wall across it at x = 5, open above `wall_to_m`."""
-    occupied = np.zeros((40, 32), np.uint8)
-    occupied[20, : round(wall_to_m / 0.25)] = 1
-    return KnownMap(origin_m=(0.0, 0.0, 2.0), cell_m=0.25, occupied=NumericArray.from_array(occupied), height_m=2.0)
+    return briefings.open_map((10.0, 8.0), walls=[(5.0, 0.0, 5.25, wall_to_m)])
 
 
 def briefing(known_map: KnownMap | None = None) -> Briefing:
-    sensors = (
-        SensorDescription(name="nose", model="pid", quantity="mixing_ratio", unit="ppm", mount_body_m=(0.0, 0.0, 0.0)),
-        SensorDescription(
-            name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
-        ),
-    )
-    return build_briefing(
-        agent="searcher",
-        mission="find it",
-        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 8.0, 4.0)),
-        search_height_m=2.0,
-        hold_s=2.0,
-        time_limit_s=300.0,
-        sensors=sensors,
-        known_map=known_map,
-    )
+    sensors = (("pid", "nose"), ("anemometer", "vane"))
+    return briefings.briefing(sensors=sensors, size_m=(10.0, 8.0, 4.0), known_map=known_map)
 
 
 def observation(
     tick: int, *, position_m=START_M, ppm: float = 0.0, notice: str | None = None, speed_m_s: float = 0.5
 ) -> Observation:
-    return build_observation(
-        tick,
-        agent="searcher",
-        position_world_m=position_m,
-        readings=(
-            Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(ppm,)),
-            Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(speed_m_s, math.pi)),
-        ),
-        notice=notice,
-    )
+    readings = {"nose": ppm, "vane": (speed_m_s, math.pi)}
+    return briefings.observation(tick=tick, position_m=position_m, readings=readings, notice=notice)
 
 
 def flights(known_map: KnownMap | None = None) -> MapNavigator:

@@ -28,8 +28,8 @@ def searcher(mode="on_request", **changes):
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):
-    seen = observation(tick=tick, position_m=place_m, readings={"nose": ppm, "vane": (0.5, 0.0)}, notice=notice)
-    return seen.model_copy(update={"status": status})
+    readings = {"nose": ppm, "vane": (0.5, 0.0)}
+    return observation(tick=tick, position_m=place_m, readings=readings, notice=notice, status=status)
 
 
 def test_a_step_follows_from_the_contact_at_the_stop():

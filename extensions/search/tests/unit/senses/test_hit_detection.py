@@ -1,10 +1,10 @@
 import math
 
+import briefings
 import numpy as np
 import pytest
-from built_messages import build_observation
 
-from gslcosim.contract.messages import Observation, Reading
+from gslcosim.contract.messages import Observation
 from gslcosim_search.senses.hit_detection import (
     BoutDetector,
     GasHits,
@@ -19,14 +19,9 @@ STEP_S = 0.1
 
 
 def observation(tick: int, value: float, *, is_warming_up=False) -> Observation:
-    reading = Reading(sensor="nose", quantity="any", unit="any", values=(value,), is_warming_up=is_warming_up)
-    return build_observation(
-        tick,
-        agent="a",
-        time_s=tick * STEP_S,
-        position_world_m=(0.0, 0.0, 1.0),
-        awaiting_command=False,
-        readings=(reading,),
+    warming = ["nose"] if is_warming_up else ()
+    return briefings.observation(
+        tick=tick, time_s=tick * STEP_S, readings={"nose": value}, warming=warming, asked=False
     )
 
 

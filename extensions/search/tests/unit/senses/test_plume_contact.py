@@ -15,7 +15,7 @@ def watch(model="pid", **changes):
 
 def seen(tick, nose, *, x_m=5.0, vane=(0.5, EAST_RAD), status="flying"):
     readings = {"nose": nose, "nose_ppm": 0.0, "vane": vane}
-    return observation(tick=tick, position_m=(x_m, 5.0, 2.0), readings=readings).model_copy(update={"status": status})
+    return observation(tick=tick, position_m=(x_m, 5.0, 2.0), readings=readings, status=status)
 
 
 def test_gas_on_the_way_is_known_at_the_next_question_with_its_place():

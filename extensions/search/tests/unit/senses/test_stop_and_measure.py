@@ -1,9 +1,9 @@
 import math
 
+import briefings
 import pytest
-from built_messages import build_observation
 
-from gslcosim.contract.messages import Observation, Reading
+from gslcosim.contract.messages import Observation
 from gslcosim_search.senses.instruments import Nose, Vane
 from gslcosim_search.senses.stop_and_measure import (
     GasIncrease,
@@ -21,13 +21,9 @@ VANE = Vane(name="vane")
 def observation(
     tick, *, ohm=5e4, ppm=0.0, wind=(1.0, 0.0), status="holding", position_m=(1.0, 2.0, 3.0), warming=()
 ) -> Observation:
-    values = {"nose": (ohm,), "nose_ppm": (ppm,), "vane": wind}
-    readings = tuple(
-        Reading(sensor=name, quantity="any", unit="any", values=value, is_warming_up=name in warming)
-        for name, value in values.items()
-    )
-    return build_observation(
-        tick, agent="a", position_world_m=position_m, status=status, awaiting_command=False, readings=readings
+    readings = {"nose": ohm, "nose_ppm": ppm, "vane": wind}
+    return briefings.observation(
+        tick=tick, position_m=position_m, status=status, asked=False, readings=readings, warming=warming
     )
 
 

@@ -2,10 +2,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from built_messages import build_briefing, build_observation
+from briefings import observation, sensor
+from built_messages import build_briefing
 
-from gslcosim.agent_kit import Observation, RadioReception, Reading
-from gslcosim.contract.messages import ChannelDescription, SensorDescription
+from gslcosim.agent_kit import Observation
+from gslcosim.contract.messages import ChannelDescription
 from gslcosim_search.swarms.formations import FormationAgent, formation
 from gslcosim_search.swarms.rounds import Report, ReportedBest, encode
 
@@ -15,13 +16,7 @@ SETTINGS = {
     "fades_s": 10.0, "declares": True, "near_m": 1.5, "near_s": 3.0, "unchanged_s": 100.0, "declare_factor": 5.0,
     "search_step_m": 2.0, "cast_m": 1.0, "n_casts": 2,
 }  # fmt: skip
-SENSORS = tuple(
-    SensorDescription(name=name, model=model, quantity=quantity, unit=unit, mount_body_m=(0.0, 0.0, 0.0))
-    for name, model, quantity, unit in (
-        ("nose", "pid", "mixing_ratio", "ppm"),
-        ("vane", "anemometer", "apparent_wind", "m/s, rad"),
-    )
-)
+SENSORS = (sensor("pid", "nose"), sensor("anemometer", "vane"))
 PLACES_M = {"ada": (4.0, 4.0), "bob": (5.0, 4.0), "cyd": (4.0, 5.0)}
 
 
@@ -41,18 +36,11 @@ def flight(**changes) -> Robot:
 
 
 def seen(time_s, *, ppm=0.0, heard=(), notice=None, upwind_rad=0.0, speed_m_s=0.5) -> Observation:
-    return build_observation(
-        round(time_s * 10),
-        agent="ada",
-        time_s=time_s,
-        position_world_m=(*PLACES_M["ada"], 1.0),
-        notice=notice,
-        incoming=tuple(RadioReception(sender=who, channel="radio", text=text, sent_tick=0) for who, text in heard),
-        readings=(
-            Reading(sensor="nose", quantity="", unit="ppm", values=(ppm,)),
-            Reading(sensor="vane", quantity="", unit="", values=(speed_m_s, upwind_rad)),
-        ),
-    )
+    readings = {"nose": ppm, "vane": (speed_m_s, upwind_rad)}
+    return observation(
+        tick=round(time_s * 10), name="ada", time_s=time_s, position_m=(*PLACES_M["ada"], 1.0), notice=notice,
+        heard=heard, readings=readings,
+    )  # fmt: skip
 
 
 def says(name, number, time_s, *, amount=0.0, best=None, wind_m_s=(-0.5, 0.0)):

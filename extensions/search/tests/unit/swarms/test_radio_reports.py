@@ -30,14 +30,8 @@ def briefing(*members: str, name: str = "one", max_bytes: int = 64, channels: in
 
 
 def with_incoming(*texts: tuple[str, str], time_s: float = 50.0, channel: str = "radio") -> Observation:
-    return build_observation(
-        round(time_s * 10),
-        agent="one",
-        time_s=time_s,
-        position_world_m=(1.0, 1.0, 1.0),
-        awaiting_command=False,
-        incoming=tuple(RadioReception(sender=who, channel=channel, text=text, sent_tick=0) for who, text in texts),
-    )
+    incoming = tuple(RadioReception(sender=who, channel=channel, text=text, sent_tick=0) for who, text in texts)
+    return build_observation(round(time_s * 10), agent="one", time_s=time_s, awaiting_command=False, incoming=incoming)
 
 
 def report_text(time_s: float, amount: float = 1.0) -> str:

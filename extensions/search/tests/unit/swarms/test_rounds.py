@@ -1,20 +1,15 @@
 from collections import deque
 
 import pytest
-from built_messages import build_briefing, build_observation
+from briefings import observation, sensor
+from built_messages import build_briefing
 
-from gslcosim.agent_kit import RadioReception, Reading
-from gslcosim.contract.messages import ChannelDescription, SensorDescription
+from gslcosim.contract.messages import ChannelDescription
 from gslcosim_search.senses.instruments import find_noses, find_vanes
 from gslcosim_search.swarms.rounds import Rounds
 
 NAMES = ("ada", "bob", "cyd")
-SENSORS = (
-    SensorDescription(name="nose", model="pid", quantity="mixing_ratio", unit="ppm", mount_body_m=(0.0, 0.0, 0.0)),
-    SensorDescription(
-        name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
-    ),
-)
+SENSORS = (sensor("pid", "nose"), sensor("anemometer", "vane"))
 
 
 def rounds_of(name: str, *, members=NAMES, **settings) -> Rounds:
@@ -31,27 +26,16 @@ class Station:
         self.name = name
 
     def ask(self, time_s: float):
-        tick = round(time_s * 10)
-        received = tuple(
-            RadioReception(sender=sender, channel="radio", text=text, sent_tick=0) for sender, text in self.inbox
-        )
+        seen = observation(
+            tick=round(time_s * 10), name=self.name, time_s=time_s, heard=tuple(self.inbox),
+            readings={"nose": self.ppm, "vane": (0.5, 0.0)},
+        )  # fmt: skip
         self.inbox.clear()
-        observation = build_observation(
-            tick,
-            agent=self.name,
-            time_s=time_s,
-            position_world_m=(1.0, 2.0, 1.0),
-            incoming=received,
-            readings=(
-                Reading(sensor="nose", quantity="", unit="ppm", values=(self.ppm,)),
-                Reading(sensor="vane", quantity="", unit="", values=(0.5, 0.0)),
-            ),
-        )
-        self.rounds.observe(observation)
-        now = self.rounds.complete(observation, (self.ppm + 1.0,))
+        self.rounds.observe(seen)
+        now = self.rounds.complete(seen, (self.ppm + 1.0,))
         if now is not None:
             self.done.append((time_s, now))
-        return self.rounds.call() if now is not None else self.rounds.wait(observation).outgoing
+        return self.rounds.call() if now is not None else self.rounds.wait(seen).outgoing
 
 
 def play(stations, time_s: float, *, drops=lambda _sender, _listener, _time_s: False, begins=None):

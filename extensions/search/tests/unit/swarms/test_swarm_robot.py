@@ -3,15 +3,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from built_messages import build_briefing, build_observation
+from briefings import observation, sensor
+from built_messages import build_briefing
 
 from gslcosim.contract.messages import (
     Bounds,
     ChannelDescription,
     Observation,
-    RadioReception,
-    Reading,
-    SensorDescription,
 )
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
@@ -39,10 +37,7 @@ def nose(unit: str, *, estimate: str | None = None) -> Nose:
 
 
 def particle(*, name: str = "one", **changes) -> Particle:
-    sensors = tuple(
-        SensorDescription(name=sensor, model="any", quantity=quantity, unit=unit, mount_body_m=(0.0, 0.0, 0.0))
-        for sensor, quantity, unit in (("nose", "mixing_ratio", "ppm"), ("vane", "apparent_wind", "m/s, rad"))
-    )
+    sensors = (sensor("pid", "nose"), sensor("anemometer", "vane"))
     channel = ChannelDescription(
         name="radio", members=("one", "two", "three"), range_m=None, delay_ticks=1, max_bytes=64
     )
@@ -59,21 +54,10 @@ def particle(*, name: str = "one", **changes) -> Particle:
 
 
 def seen(ppm=0.0, *, time_s=10.0, place_m=(5.0, 5.0), heard=(), wind=(0.5, 0.0), notice=None) -> Observation:
-    readings = (
-        Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(float(ppm),)),
-        Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=wind),
-    )
-    return build_observation(
-        round(10 * time_s),
-        agent="one",
-        time_s=time_s,
-        position_world_m=(*place_m, 1.0),
-        readings=readings,
-        notice=notice,
-        incoming=tuple(
-            RadioReception(sender=sender, channel="radio", text=text, sent_tick=0) for sender, text in heard
-        ),
-    )
+    return observation(
+        tick=round(10 * time_s), name="one", time_s=time_s, position_m=(*place_m, 1.0), notice=notice, heard=heard,
+        readings={"nose": float(ppm), "vane": wind},
+    )  # fmt: skip
 
 
 def taken(robot: Particle, observation: Observation) -> Particle:

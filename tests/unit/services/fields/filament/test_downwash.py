@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from built_gas import build_plume
+from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim.vehicles import get_vehicle, list_vehicle_names
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.filament.downwash import (
@@ -26,26 +25,15 @@ from gslcosim_services.fields.filament.downwash import (
 OCCUPANCY = np.zeros((20, 20, 40), np.uint8)
 
 
-def poses(tick, *, position_m=(5.0, 5.0, 3.0), phase="holding"):
-    body = BodyState(
-        agent="agent_0",
-        position_world_m=position_m,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase=phase,
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
-    return BodyPoses(tick=tick, bodies=(body,))
+def poses(tick, *, phase="holding"):
+    return build_poses(tick, build_body("agent_0", (5.0, 5.0, 3.0), phase=phase))
 
 
 @pytest.fixture
 def scenario_of(make_scenario):
     def build(*, vehicle="iris", **gas):
-        plain = plain_values(make_scenario({"model": vehicle}))
-        plain["gas"] = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": 5.0, **gas}
-        return Scenario.model_validate(plain)
+        gas = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": 5.0, **gas}
+        return make_scenario({"model": vehicle}, gas=gas)
 
     return build
 
@@ -126,8 +114,8 @@ def test_a_vehicle_above_the_source_pushes_its_gas_to_the_floor(scenario_of, mak
     assert heights_m[1] < 1.2
 
 
-def test_no_jets_move_nothing(make_plume):
-    plume = make_plume()
+def test_no_jets_move_nothing():
+    plume = build_plume()
     plume.advance(10)
     before = plume.filaments.position_world_m.copy()
     plume.blow(Jets(centre_world_m=np.zeros((0, 3)), motor_distance_m=np.zeros(0), outflow_m_s=np.zeros(0)))

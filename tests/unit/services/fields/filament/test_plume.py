@@ -2,6 +2,8 @@ import math
 
 import numpy as np
 import pytest
+from built_gas import build_plume, build_source
+from built_rooms import build_air
 
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.environment.model import Cell
@@ -15,23 +17,26 @@ def test_a_filament_carries_gadens_amount_of_gas():
     assert filament_amount_mol(10.0, 0.1) == pytest.approx(6.440736978853164e-06, rel=1.5e-6)
 
 
-def test_sizes_follow_the_growth_law(make_plume):
-    plume = make_plume(growth_m2_s=0.001)
+def test_sizes_follow_the_growth_law():
+    plume = build_plume(growth_m2_s=0.001)
     plume.advance(300)
     age_s = 30.0 - np.arange(1, 301) / 10.0
     np.testing.assert_allclose(plume.filaments.sigma_m**2, 0.01 + 0.001 * age_s, rtol=1e-12)
 
 
-def test_rate_times_time_filaments_are_there_when_nothing_leaves(make_plume, make_source):
+def test_rate_times_time_filaments_are_there_when_nothing_leaves():
     """Beyond the first capacity of the arrays too."""
-    plume = make_plume(sources=(make_source(rate=333.0),))
+    plume = build_plume(sources=(build_source(rate=333.0),))
     plume.advance(100)
     assert plume.n == plume.n_born == 3330 > FIRST_CAPACITY
 
 
-def test_a_newborn_moves_for_the_rest_of_its_step_only(make_plume, make_source, air):
-    plume = make_plume(
-        air(winds_m_s=((0.5, -0.2, 0.1),)), (make_source((1.0, 2.0, 1.0), rate=4.0),), step_s=1.0, diffusivity_m2_s=0.0
+def test_a_newborn_moves_for_the_rest_of_its_step_only():
+    plume = build_plume(
+        build_air(wind_m_s=((0.5, -0.2, 0.1),)),
+        (build_source((1.0, 2.0, 1.0), rate=4.0),),
+        step_s=1.0,
+        diffusivity_m2_s=0.0,
     )
     plume.advance()
     ages_s = 1.0 - np.array([0.25, 0.5, 0.75, 1.0])
@@ -39,33 +44,33 @@ def test_a_newborn_moves_for_the_rest_of_its_step_only(make_plume, make_source, 
     np.testing.assert_allclose(plume.filaments.position_world_m, expected, rtol=1e-6)
 
 
-def test_wind_frames_change_with_the_plumes_time(make_plume, make_source, air):
-    environment = air(winds_m_s=((0.5, 0.0, 0.0), (0.0, 0.5, 0.0)), period_s=1.0)
-    plume = make_plume(environment, (make_source((1.0, 1.0, 1.0), rate=1.0),), diffusivity_m2_s=0.0)
+def test_wind_frames_change_with_the_plumes_time():
+    environment = build_air(wind_m_s=((0.5, 0.0, 0.0), (0.0, 0.5, 0.0)), period_s=1.0)
+    plume = build_plume(environment, (build_source((1.0, 1.0, 1.0), rate=1.0),), diffusivity_m2_s=0.0)
     plume.advance(25)
     oldest = plume.filaments.position_world_m[0]
     assert oldest == pytest.approx((1.0 + 0.25, 1.0 + 0.5, 1.0), abs=1e-6)
 
 
-def test_a_second_source_does_not_change_the_first_ones_filaments(make_plume, make_source):
-    first, second = make_source((1.0, 1.0, 1.0)), make_source((3.0, 2.0, 2.0), rate=5.0)
-    alone, both = make_plume(sources=(first,)), make_plume(sources=(first, second))
+def test_a_second_source_does_not_change_the_first_ones_filaments():
+    first, second = build_source((1.0, 1.0, 1.0)), build_source((3.0, 2.0, 2.0), rate=5.0)
+    alone, both = build_plume(sources=(first,)), build_plume(sources=(first, second))
     for plume in (alone, both):
         plume.advance(50)
     is_first = both.filaments.source_index == 0
     np.testing.assert_array_equal(both.filaments.position_world_m[is_first], alone.filaments.position_world_m)
 
 
-def test_equal_seeds_give_equal_plumes_and_different_seeds_different_ones(make_plume):
-    one, same, other = make_plume(seed=1), make_plume(seed=1), make_plume(seed=2)
+def test_equal_seeds_give_equal_plumes_and_different_seeds_different_ones():
+    one, same, other = build_plume(seed=1), build_plume(seed=1), build_plume(seed=2)
     for plume in (one, same, other):
         plume.advance(20)
     np.testing.assert_array_equal(one.filaments.position_world_m, same.filaments.position_world_m)
     assert not np.allclose(one.filaments.position_world_m, other.filaments.position_world_m)
 
 
-def test_reset_returns_to_the_same_start(make_plume):
-    plume = make_plume()
+def test_reset_returns_to_the_same_start():
+    plume = build_plume()
     plume.advance(30)
     before = plume.filaments.position_world_m.copy()
     plume.reset(1)
@@ -75,27 +80,27 @@ def test_reset_returns_to_the_same_start(make_plume):
 
 
 @pytest.mark.parametrize("power", [1, 3])
-def test_heavy_gas_sinks_slower_as_it_grows(make_plume, make_source, power):
+def test_heavy_gas_sinks_slower_as_it_grows(power):
     """dz/dt = -b / sigma^q with sigma^2 = s0^2 + gamma t: closed forms of the way."""
     gamma, s0, b = 0.01, 0.1, 0.01 if power == 1 else 0.0002
-    source = make_source((2.0, 2.0, 2.5), rate=1.0, buoyancy=Buoyancy(coefficient=-b, power=power))
-    plume = make_plume(sources=(source,), step_s=0.01, growth_m2_s=gamma, diffusivity_m2_s=0.0)
+    source = build_source((2.0, 2.0, 2.5), rate=1.0, buoyancy=Buoyancy(coefficient=-b, power=power))
+    plume = build_plume(sources=(source,), step_s=0.01, growth_m2_s=gamma, diffusivity_m2_s=0.0)
     plume.advance(900)
     s1 = math.sqrt(s0**2 + gamma * 8.0)
     distance_m = 2 * b / gamma * ((s1 - s0) if power == 1 else (1 / s0 - 1 / s1))
     assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - distance_m, rel=0.01)
 
 
-def test_sources_with_buoyancies_of_two_powers_are_refused(make_plume, make_source):
-    sources = tuple(make_source(buoyancy=Buoyancy(coefficient=1e-3, power=power)) for power in (1, 3))
+def test_sources_with_buoyancies_of_two_powers_are_refused():
+    sources = tuple(build_source(buoyancy=Buoyancy(coefficient=1e-3, power=power)) for power in (1, 3))
     with pytest.raises(ModelError, match="one power of the size"):
-        make_plume(sources=sources)
+        build_plume(sources=sources)
 
 
-def test_a_given_noise_takes_the_place_of_the_diffusivity(make_plume, make_source, air):
+def test_a_given_noise_takes_the_place_of_the_diffusivity():
     """One step from birth at its start: the displacement has that standard deviation."""
-    source = make_source((2.5, 2.0, 1.5), release=ScheduledRelease(schedule=((0.0, 20000.0), (0.1, 0.0))))
-    plume = make_plume(sources=(source,), step_s=0.1, diffusivity_m2_s=0.5, noise_std_m=0.03)
+    source = build_source((2.5, 2.0, 1.5), release=ScheduledRelease(schedule=((0.0, 20000.0), (0.1, 0.0))))
+    plume = build_plume(sources=(source,), step_s=0.1, diffusivity_m2_s=0.5, noise_std_m=0.03)
     plume.advance(1)
     before = plume.filaments.position_world_m.copy()
     plume.advance(1)
@@ -103,11 +108,11 @@ def test_a_given_noise_takes_the_place_of_the_diffusivity(make_plume, make_sourc
     assert moved.std() == pytest.approx(0.03, rel=0.02)
 
 
-def test_filaments_are_born_all_over_the_shape_but_not_behind_walls(make_plume, make_source, air):
+def test_filaments_are_born_all_over_the_shape_but_not_behind_walls():
     cells = np.zeros((20, 16, 12), np.uint8)
     cells[10] = Cell.SOLID
-    source = make_source((2.0, 2.0, 1.5), rate=2000.0, shape=SourceShape(kind="box", size_m=(2.0, 1.0, 0.4)))
-    plume = make_plume(air(occupancy=cells), (source,), step_s=0.5, diffusivity_m2_s=0.0)
+    source = build_source((2.0, 2.0, 1.5), rate=2000.0, shape=SourceShape(kind="box", size_m=(2.0, 1.0, 0.4)))
+    plume = build_plume(build_air(cells), (source,), step_s=0.5, diffusivity_m2_s=0.0)
     plume.advance(1)
     places = plume.filaments.position_world_m
     assert places.min(0) == pytest.approx((1.0, 1.5, 1.3), abs=0.01)
@@ -115,18 +120,18 @@ def test_filaments_are_born_all_over_the_shape_but_not_behind_walls(make_plume, 
     assert (places[:, 0] > 2.4999).mean() == pytest.approx(0.25, abs=0.05)
 
 
-def test_places_of_birth_do_not_depend_on_the_step(make_plume, make_source):
-    source = make_source(rate=37.0, shape=SourceShape(kind="sphere", size_m=(1.0, 1.0, 1.0)))
-    coarse, fine = (make_plume(sources=(source,), step_s=dt, diffusivity_m2_s=0.0) for dt in (0.5, 0.1))
+def test_places_of_birth_do_not_depend_on_the_step():
+    source = build_source(rate=37.0, shape=SourceShape(kind="sphere", size_m=(1.0, 1.0, 1.0)))
+    coarse, fine = (build_plume(sources=(source,), step_s=dt, diffusivity_m2_s=0.0) for dt in (0.5, 0.1))
     coarse.advance(4)
     fine.advance(20)
     np.testing.assert_array_equal(coarse.filaments.position_world_m, fine.filaments.position_world_m)
 
 
-def test_filaments_leave_through_the_outlet(make_plume, make_source, air):
+def test_filaments_leave_through_the_outlet():
     cells = np.zeros((20, 16, 12), np.uint8)
     cells[19] = Cell.OUTLET
-    plume = make_plume(air(occupancy=cells, winds_m_s=((1.0, 0.0, 0.0),)), (make_source((2.05, 2.0, 1.0)),))
+    plume = build_plume(build_air(cells, wind_m_s=((1.0, 0.0, 0.0),)), (build_source((2.05, 2.0, 1.0)),))
     plume.advance(100)
     travel_s = (4.75 - 2.05) / 1.0
     assert plume.n_born == 100
@@ -145,33 +150,33 @@ def test_open_cells_have_free_neighbours_only():
 @pytest.mark.parametrize(
     ("place", "found"), [((2.6, 2.0, 1.0), "inside a solid"), ((2.0, 9.0, 1.0), "outside the room")]
 )
-def test_a_source_outside_the_air_is_refused(make_plume, make_source, air, place, found):
+def test_a_source_outside_the_air_is_refused(place, found):
     cells = np.zeros((20, 16, 12), np.uint8)
     cells[10] = Cell.SOLID
     with pytest.raises(ScenarioError, match=rf"gas\.sources\[1\]\.position_m: .*{found}"):
-        make_plume(air(occupancy=cells), (make_source(), make_source(place)))
+        build_plume(build_air(cells), (build_source(), build_source(place)))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_wind_that_is_not_finite_stops_the_plume(make_plume, air, bad, axis):
-    environment = air()
+def test_wind_that_is_not_finite_stops_the_plume(bad, axis):
+    environment = build_air()
     environment.wind.velocity_m_s[..., axis] = bad
-    plume = make_plume(environment)
+    plume = build_plume(environment)
     with pytest.raises(ModelError, match="not finite in gas step 1"):
         plume.advance(2)
 
 
-def test_wind_of_another_shape_is_refused(make_plume, air):
-    environment = air()
+def test_wind_of_another_shape_is_refused():
+    environment = build_air()
     environment.wind.__dict__["velocity_m_s"] = np.zeros((1, 3, 3, 3, 3), np.float32)
     with pytest.raises(ModelError, match=r"expected wind frames of shape \(t, 20, 16, 12, 3\)"):
-        make_plume(environment)
+        build_plume(environment)
 
 
-def test_a_birth_at_the_end_of_a_step_has_no_negative_age(make_plume, make_source):
+def test_a_birth_at_the_end_of_a_step_has_no_negative_age():
     """The time of birth over this step's length rounds up to more than the number of steps."""
     step_s = 0.3617837949641972
-    plume = make_plume(sources=(make_source(rate=40.0 / step_s),), step_s=step_s, diffusivity_m2_s=0.5)
+    plume = build_plume(sources=(build_source(rate=40.0 / step_s),), step_s=step_s, diffusivity_m2_s=0.5)
     plume.advance(3)
     assert plume.filaments.sigma_m[-1] == pytest.approx(0.1)

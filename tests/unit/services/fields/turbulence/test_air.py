@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from built_rooms import build_air
 
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.grid_kernels import trilinear_wind
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames, with_wind
+from gslcosim.environment.model import Cell, WindFrames, with_wind
 from gslcosim.scenario.loader import load_scenario
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
@@ -61,15 +62,7 @@ def room():
     occupancy[-1, 2:8, 2:6] = Cell.OUTLET
     wind_m_s = np.full((1, 12, 10, 8, 3), (0.3, 0.4, 0.0), np.float32)
     wind_m_s[0, occupancy == Cell.SOLID] = 9.0
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=occupancy.shape),
-        occupancy=occupancy,
-        wind=WindFrames(velocity_m_s=wind_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
+    return build_air(occupancy, wind_m_s, cell_m=0.5)
 
 
 def test_strength_is_that_of_each_place_and_what_is_in_solids_is_not_looked_at(room):

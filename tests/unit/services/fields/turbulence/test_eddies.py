@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from built_rooms import build_air
 
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Cell
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
     KEpsilonFields,
@@ -24,20 +25,11 @@ def make_room(shape=(24, 20, 16), *, is_solid=None):
     occupancy = np.zeros(shape, np.uint8)
     if is_solid is not None:
         occupancy[is_solid] = Cell.SOLID
-    x, y, z = ((np.arange(n) + 0.5) / n for n in shape)
+    x, y, _ = ((np.arange(n) + 0.5) / n for n in shape)
     wind_m_s = np.zeros((1, *shape, 3), np.float32)
     wind_m_s[0, ..., 0] = (1.0 + y[:, None]) * np.ones((shape[0], 1, 1))
     wind_m_s[0, ..., 2] = 0.3 * x[:, None, None]
-    del z
-    return Environment(
-        name="room",
-        grid=Grid(origin_m=(1.0, -2.0, 0.5), cell_m=CELL_M, shape=shape),
-        occupancy=occupancy,
-        wind=WindFrames(velocity_m_s=wind_m_s),
-        boxes=(),
-        openings=(),
-        content_hash="room",
-    )
+    return build_air(occupancy, wind_m_s, cell_m=CELL_M, origin_m=(1.0, -2.0, 0.5))
 
 
 def make_air(room, *, std_m_s=0.3, length_m=0.8, is_open=False):

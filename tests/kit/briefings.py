@@ -116,16 +116,13 @@ def observation(
     heard: Sequence[tuple[str, str]] = (),
     name: str = "searcher",
     warming: Sequence[str] = (),
+    **changes: Any,
 ) -> Observation:
     """Return an observation; `readings` maps a sensor's name to its value or values, `heard` has (sender, text)."""
-    return build_observation(
-        tick,
-        agent=name,
-        position_world_m=position_m,
-        yaw_rad=yaw_rad,
-        velocity_world_m_s=velocity_m_s,
-        awaiting_command=asked,
-        readings=tuple(
+    fields = {
+        "agent": name, "position_world_m": position_m, "yaw_rad": yaw_rad, "velocity_world_m_s": velocity_m_s,
+        "awaiting_command": asked, "notice": notice,
+        "readings": tuple(
             Reading(
                 sensor=sensor_name,
                 quantity="any",
@@ -135,9 +132,9 @@ def observation(
             )
             for sensor_name, value in (readings or {"nose": 50_000.0, "nose_ppm": 0.0, "vane": (0.5, np.pi)}).items()
         ),
-        notice=notice,
-        incoming=tuple(
+        "incoming": tuple(
             RadioReception(sender=sender, channel="radio", text=text, sent_tick=max(0, tick - 1))
             for sender, text in heard
         ),
-    )
+    }  # fmt: skip
+    return build_observation(tick, **{**fields, **changes})
