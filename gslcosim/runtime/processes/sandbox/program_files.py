@@ -115,7 +115,7 @@ def _find_card_file(folder: Path, name: str, private: PrivatePlaces, place: str)
 
 
 # Yields the files below a folder, and the folders that are not entered: those of others' packages, which count as a
-# whole, as the second value says, and those of runs, of version control, and hidden ones.
+# whole (the second value), and those of runs, of version control, and hidden ones.
 def _iterate_entries(root: Path, place: str) -> Iterator[tuple[Path, bool]]:
     whole_at_root = _VENDORED | _INSTALLED if (root / "bin").is_dir() else _VENDORED
     unseen, n_entries = [root], 0
