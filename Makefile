@@ -16,7 +16,7 @@ PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
+.PHONY: run test test-all check check-types check-style bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -38,9 +38,13 @@ test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missi
 	$(BIN)/pytest -q -n 2 -rs --dist loadscope --no-loadscope-reorder -m "not end_to_end and $(LEFT_OUT)"
 	$(BIN)/pytest -q -n 4 -rs --dist loadscope --no-loadscope-reorder -m "end_to_end and $(LEFT_OUT)"  # they wait for much of their time
 
-check: .venv/ready-check      # style, types, layers, spelling, imports that are not declared
+check: .venv/ready-check      # style, types, layers, spelling, imports that are not declared; types beside the rest
+	@$(MAKE) --no-print-directory --jobs 2 check-types check-style
+check-types: .venv/ready-check
+	$(BIN)/pyright
+check-style: .venv/ready-check
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
-	$(BIN)/lint-imports --no-logo && $(BIN)/pyright && $(BIN)/deptry .
+	$(BIN)/lint-imports --no-logo && $(BIN)/deptry .
 	@set -e; for folder in $(dir $(wildcard extensions/*/pyproject.toml)); do (cd $$folder && ../../$(BIN)/deptry .); done
 
 bench: .venv/ready-test-all      # how fast it is on this machine

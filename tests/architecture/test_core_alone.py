@@ -81,9 +81,12 @@ def alone(core, tmp_path_factory) -> FreshEnvironment:
     return create_environment(tmp_path_factory.mktemp("alone") / "venv", [core], list_required(ROOT))
 
 
-def run_whole_tree(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", "gslcosim", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=500)
+@pytest.fixture(scope="session")
+def whole_tree_digest(tmp_path_factory) -> str:
+    """The digest of a run by the whole tree: one for all tests, as it depends neither on processes nor on languages."""
+    command = [sys.executable, "-P", "-m", "gslcosim", "up", SCENARIO, "--in-process", "--json"]
+    folder = tmp_path_factory.mktemp("whole_tree")
+    return read_digest(subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, timeout=500))
 
 
 def read_digest(outcome: subprocess.CompletedProcess[str]) -> str:
@@ -100,14 +103,13 @@ def assert_answered(text: str, extension: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.tour
-def test_the_core_alone_runs_with_the_digest_of_the_whole_tree(alone, tmp_path):
+def test_the_core_alone_runs_with_the_digest_of_the_whole_tree(alone, whole_tree_digest, tmp_path):
     absent = alone.evaluate("import gslcosim_bench", cwd=tmp_path)
     assert "ModuleNotFoundError" in absent.stderr
     for words in (["--help"], ["list"], ["validate", SCENARIO]):
         outcome = alone.call(*words, cwd=tmp_path)
         assert outcome.returncode == 0, outcome.stderr
-    words = ["up", SCENARIO, "--in-process", "--json"]
-    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+    assert read_digest(alone.call("up", SCENARIO, "--in-process", "--json", cwd=tmp_path)) == whole_tree_digest
 
 
 @pytest.mark.slow
@@ -120,9 +122,8 @@ def test_the_core_alone_answers_for_each_extension(alone, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
-def test_the_core_alone_runs_in_many_processes(alone, tmp_path):
-    words = ["up", SCENARIO, "--json"]
-    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+def test_the_core_alone_runs_in_many_processes(alone, whole_tree_digest, tmp_path):
+    assert read_digest(alone.call("up", SCENARIO, "--json", cwd=tmp_path)) == whole_tree_digest
 
 
 @pytest.mark.slow
@@ -134,18 +135,17 @@ def test_the_core_alone_runs_in_many_processes(alone, tmp_path):
     or subprocess.run(["pkg-config", "--exists", "jansson"], check=False).returncode != 0,
     reason="no compiler of C, or no jansson",
 )
-def test_the_core_alone_runs_an_agent_in_c(alone, tmp_path):
+def test_the_core_alone_runs_an_agent_in_c(alone, whole_tree_digest, tmp_path):
     build = tmp_path / "build"
     subprocess.run(["make", "--silent", f"BUILD={build}"], cwd=ROOT / "agents" / "dung_beetle_c", check=True)
     start = f"agents[0].start={{command: [{build}/agent], door: stdio, format: json}}"
-    words = ["up", SCENARIO, "--json", "--set", start]
-    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+    assert read_digest(alone.call("up", SCENARIO, "--json", "--set", start, cwd=tmp_path)) == whole_tree_digest
 
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
 @pytest.mark.parametrize("missing", EXTENSIONS)
-def test_all_but_one_extension_run_and_answer_for_it(core, installed, tmp_path, missing):
+def test_all_but_one_extension_run_and_answer_for_it(core, installed, whole_tree_digest, tmp_path, missing):
     left = [name for name in EXTENSIONS if name not in list_dependents(missing)]
     projects = [ROOT, *(ROOT / "extensions" / name for name in left)]
     folders = [core, *(installed[name] for name in left)]
@@ -154,8 +154,7 @@ def test_all_but_one_extension_run_and_answer_for_it(core, installed, tmp_path, 
         assert_answered(text, missing)
     helped = environment.call("--help", cwd=tmp_path)
     assert helped.returncode == 0, helped.stderr
-    words = ["up", SCENARIO, "--in-process", "--json"]
-    assert read_digest(environment.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+    assert read_digest(environment.call("up", SCENARIO, "--in-process", "--json", cwd=tmp_path)) == whole_tree_digest
 
 
 def list_answers(environment: FreshEnvironment, extension: str, folder: Path, present: Sequence[str] = ()) -> list[str]:

@@ -177,7 +177,7 @@ def test_a_run_that_is_not_whole_is_refused(past, tmp_path, change):
 
 
 def test_a_failed_agent_is_replaced_before_it_failed_only(tmp_path):
-    past = fly(TINY_ROOM, tmp_path / "past", *with_agent("crashing"))
+    past = fly(TINY_ROOM, tmp_path / "past", *with_agent("crashing"), "--set", "agents[0].answer_within_s=10")
     failed_s = past.result["sim_time_s"]
     late = forked(past.run_dir, tmp_path / "late", failed_s, "--agent", "infotaxis")
     commands = [json.loads(line) for line in (past.run_dir / "inputs.log").read_text().splitlines()]

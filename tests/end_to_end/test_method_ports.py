@@ -1,6 +1,7 @@
 """Methods in other languages are those of the Python agents of the same names: equal commands, equal digests."""
 
 import subprocess
+from functools import cache
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
@@ -46,14 +47,25 @@ def changes(nose, parameters):
     return (*LONG, "--set", f"agents[0].sensors={sensors}", "--set", f"agents[0].parameters={parameters}")
 
 
+@pytest.fixture(scope="module")
+def fly_reference(tmp_path_factory):
+    """Fly the Python agent of a method, once for the ports in all languages."""
+
+    @cache
+    def fly(method, nose, n):
+        arguments = (*changes(nose, PARAMETERS[method][n]), "--set", f"agents[0].start={{python: {method}}}")
+        return fly_here(TINY_ROOM, tmp_path_factory.mktemp("python"), *arguments)
+
+    return fly
+
+
 @each_port
 @pytest.mark.parametrize("nose", [first_nose, *(pytest.param(nose, marks=pytest.mark.soak) for nose in other_noses)])
 @pytest.mark.parametrize("n", [0, pytest.param(1, marks=pytest.mark.soak)])
-def test_a_port_runs_like_python(tmp_path, agent, method, nose, n):
+def test_a_port_runs_like_python(tmp_path, fly_reference, agent, method, nose, n):
     agent.build()
-    arguments = changes(nose, PARAMETERS[method][n])
-    reference = fly_here(TINY_ROOM, tmp_path / "python", *arguments, "--set", f"agents[0].start={{python: {method}}}")
-    port = fly_here(TINY_ROOM, tmp_path / "port", *arguments, *agent.start_override(method))
+    reference = fly_reference(method, nose, n)
+    port = fly_here(TINY_ROOM, tmp_path, *changes(nose, PARAMETERS[method][n]), *agent.start_override(method))
     assert reference.result["agents"][0]["steps"] > 20
     assert port.result["faults"] == reference.result["faults"] == []
     assert port.result["digest"] == reference.result["digest"]

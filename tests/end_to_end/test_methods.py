@@ -14,6 +14,9 @@ from gslcosim.methods.card import find_card_beside
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
 TOUR = ("infotaxis",)
+# One with a camera and one of several robots that talk by radio. That others answer alike in each process is a rule of
+# the conformance kit, by which extensions/conformance/tests/conformance/test_methods.py checks one of each family.
+SOME = ("vision_prior", "sniffy_squad")
 SENSORS_OF_KIND = {
     "gas": [{"model": "pid", "name": "nose"}, {"model": "pid", "name": "nose_right", "mount_m": [0.0, -0.2, 0.0]}],
     "gas_ppm": [{"model": "pid", "name": "nose"}, {"model": "pid", "name": "nose_right", "mount_m": [0.0, -0.2, 0.0]}],
@@ -74,7 +77,7 @@ def scenario_of(tmp_path):
     return write
 
 
-@every_method(TOUR)
+@every_method(TOUR, SOME)
 def test_it_runs_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
     scenario = scenario_of(name)
     multi = fly(scenario, tmp_path / "multi")

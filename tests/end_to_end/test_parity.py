@@ -45,7 +45,7 @@ def test_services_that_share_a_process_give_the_same_digest(tmp_path):
     assert {"world+referee", "fields", "sensing+recorder"} <= logs
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(2, 12))])
 def test_random_groups_of_services_give_the_same_digest(tmp_path, seed):
     """In lockstep, where each tick waits for the agent, any grouping is the same run."""
     rng = random.Random(seed)

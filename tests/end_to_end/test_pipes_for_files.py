@@ -3,13 +3,13 @@
 import contextlib
 import os
 import socket
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from deadlines import PROCESS_S
-from real_runs import COMMAND, TINY_ROOM
+from real_runs import TINY_ROOM, fly_here
+
+from gslcosim.cli.main import main
 
 KINDS = {
     "scenario": ("up", "{pipe}.yaml"),
@@ -71,7 +71,8 @@ ALL = [pytest.param(kind, odd, marks=pytest.mark.extras) if kind == "unit of FMI
 
 
 @pytest.mark.parametrize(("kind", "odd"), ALL)
-def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path, kind, odd):
+def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path, monkeypatch, capfd, kind, odd):
+    monkeypatch.chdir(tmp_path)
     pipe, folder = tmp_path / "x", tmp_path / "bag"
     folder.mkdir()
     for path in (*(pipe.with_suffix(f".{ending}") for ending in ENDINGS), folder / "x.db3"):
@@ -79,12 +80,10 @@ def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path, kind, odd):
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 5, relative_file_paths: [x.db3]}\n")
     (tmp_path / "x_model.xml").write_text(MODEL)
     words = [word.replace("{pipe}", str(pipe)).replace("{folder}", str(folder)) for word in KINDS[kind]]
-    ended = subprocess.run(
-        [*COMMAND, *words], cwd=tmp_path, capture_output=True, text=True, timeout=PROCESS_S, check=False
-    )
-    assert ended.returncode == 2, ended.stderr
-    assert "Traceback" not in ended.stderr
-    assert "expected" in ended.stderr
+    exit_code, errors = main(words), capfd.readouterr().err
+    assert exit_code == 2, errors
+    assert "Traceback" not in errors
+    assert "expected" in errors
 
 
 @pytest.mark.parametrize("sandbox", ["auto", "landlock"])
@@ -93,11 +92,6 @@ def test_a_pipe_beside_an_agents_program_is_passed_over(tmp_path, sandbox):
     os.mkfifo(tmp_path / "x.yaml")
     (tmp_path / "agent.py").write_text("raise SystemExit(3)\n")
     start = f"agents[0].start={{command: [{sys.executable}, {tmp_path}/agent.py], door: stdio}}"
-    words = ["up", str(TINY_ROOM), "--in-process", "--set", start, "--set", f"agents[0].sandbox={sandbox}"]
-    ended = subprocess.run(
-        [*COMMAND, *words, "--runs-dir", str(tmp_path / "runs")],
-        cwd=tmp_path, capture_output=True, text=True, timeout=PROCESS_S, check=False,
-    )  # fmt: skip
-    assert ended.returncode == 1, ended.stderr
-    (result,) = (tmp_path / "runs").glob("*/result.json")
-    assert "ended with exit code 3" in result.read_text()
+    ended = fly_here(TINY_ROOM, tmp_path / "runs", "--set", start, "--set", f"agents[0].sandbox={sandbox}")
+    assert ended.exit_code == 1, ended.errors
+    assert "ended with exit code 3" in str(ended.result["faults"])

@@ -359,10 +359,9 @@ def flown_with(tmp_path, program, sandbox, limits):
     if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     start_by = {"command": [sys.executable, "-c", program], "door": "stdio", "format": "json"}
-    ended = fly(
+    ended = fly_here(
         TINY_ROOM,
         tmp_path,
-        "--in-process",
         "--set", f"agents[0].start={json.dumps(start_by)}",
         "--set", f"agents[0].sandbox={sandbox}",
         "--set", f"agents[0].limits={json.dumps(limits)}",
@@ -617,7 +616,7 @@ def test_agents_may_share_a_folder_within_that_of_their_programs_but_not_write_t
 
 def test_an_agent_in_this_process_is_in_none_and_the_result_says_so(tmp_path):
     """What was demanded for it is refused."""
-    ended = fly(TINY_ROOM, tmp_path, "--in-process")
+    ended = fly_here(TINY_ROOM, tmp_path)
     assert ended.result["sandboxes"] == {"beetle": "none: in this process"}
     for change in (
         "agents[0].sandbox=landlock",
@@ -625,7 +624,7 @@ def test_an_agent_in_this_process_is_in_none_and_the_result_says_so(tmp_path):
         "agents[0].limits={cpu_s: 9}",
         "agents[0].environment={A: b}",
     ):
-        refused = fly(TINY_ROOM, tmp_path / "refused", "--in-process", "--set", change)
+        refused = fly_here(TINY_ROOM, tmp_path / "refused", "--set", change)
         assert refused.exit_code == 2
         assert "was an object in this process" in refused.errors
 
@@ -636,7 +635,8 @@ def test_the_digest_is_the_same_in_every_sandbox(tmp_path):
     for sandbox in ("auto", "bubblewrap", "landlock", "none"):
         if sandbox == "auto" or not unavailable_reason(sandbox):
             limits = "agents[0].limits={cpu_s: 100, memory_mb: 2000, n_processes: 50, n_files: 500}"
-            ended = fly(TINY_ROOM, tmp_path / sandbox, "--set", f"agents[0].sandbox={sandbox}", "--set", limits)
+            words = ("--set", PIPED, "--set", f"agents[0].sandbox={sandbox}", "--set", limits)
+            ended = fly_here(TINY_ROOM, tmp_path / sandbox, *words)
             assert ended.result["valid"], ended.errors
             digests.add(ended.result["digest"])
     assert len(digests) == 1

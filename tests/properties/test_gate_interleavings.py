@@ -15,7 +15,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.stepper import Stepper
 
-N_INTERLEAVINGS = 3000
+N_INTERLEAVINGS = 1000
 FINAL_TICK = 12
 
 
@@ -87,7 +87,7 @@ def reference() -> RunDigest:
 
 @pytest.mark.slow
 def test_any_interleaving_gives_the_same_digest(reference):
-    """Thousands of seeded orders of steps and arrivals lead to one digest."""
+    """A thousand seeded orders of steps and arrivals lead to one digest."""
     orders = set()
     for seed in range(N_INTERLEAVINGS):
         network = Network(seed)

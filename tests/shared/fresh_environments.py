@@ -101,7 +101,7 @@ def create_environment(folder: Path, installed: Iterable[Path], packages: Iterab
         target = environment.site_packages / place.name
         # Sandboxes show the folder of an environment, and not what links in it lead to.
         if place.is_dir() and not target.exists():
-            shutil.copytree(place, target, copy_function=_link_or_copy, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(place, target, copy_function=_link_or_copy)
         elif not target.exists():
             _link_or_copy(place, target)
     return environment

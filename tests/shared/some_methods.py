@@ -23,10 +23,10 @@ def _some():
 SOME = _some()
 
 
-def every_method(tour: Collection[str] = ()):
+def every_method(tour: Collection[str] = (), some: Collection[str] = SOME):
     """Return a parameter for each method, with the mark that says which tests it is part of."""
 
     def marks(name):
-        return [pytest.mark.tour] if name in tour else [] if name in SOME else [pytest.mark.soak]
+        return [pytest.mark.tour] if name in tour else [] if name in some else [pytest.mark.soak]
 
     return pytest.mark.parametrize("name", [pytest.param(n, marks=marks(n)) for n in sorted(bundled_agents())])

@@ -26,6 +26,11 @@ MEASURED = REFERENCE / "measured"
 needs_data = pytest.mark.skipif(
     not (MEASURED / "restivo").is_dir(), reason=f"GSLCOSIM_REFERENCE: no measured data in {REFERENCE}"
 )
+# `make reality` computes all of each case. Here the room's wind is not yet steady, and one leak stands for all.
+SHORTENED = {
+    "room-wind": {"MEAN_FROM_S": 30.0, "END_S": 60.0},
+    "leak-box": {"QUICK_EVERY": 18, "LATER_S": 600.0},
+}
 LINE = ProfileLine("x1", np.array([[1.0, 0.5, 0.25], [1.0, 0.5, 0.75]]), np.array([-0.1, 0.2]), {})
 ROOM = RoomProfiles(
     size_m=(2.0, 1.0, 1.0),
@@ -145,7 +150,9 @@ def test_a_leak_outside_the_box_is_refused():
 @needs_data
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["room-wind", "step-wind", "heated-cavity", "leak-box"])
-def test_a_case_runs_on_the_reference_data(name):
+def test_a_case_runs_on_the_reference_data(name, monkeypatch):
+    for constant, value in SHORTENED.get(name, {}).items():
+        monkeypatch.setattr(f"gslcosim_validation.cases.{name.replace('-', '_')}.{constant}", value)
     result = load_case(name).run(read_measured(MEASURED), "quick")
     assert all(np.isfinite(row.ours.value) for row in result.rows)
     assert all(row.if_missed for row in result.rows if row.is_met is False)
