@@ -7,6 +7,7 @@ length of its own.
 import functools
 import hashlib
 import inspect
+import io
 import platform
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,11 +24,11 @@ from gslcosim.base.extension_packages import find_extension_packages
 from gslcosim.base.files import append_bytes, open_regular_file, read_regular_file, replace_file
 from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
+from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import Environment
-from gslcosim.gateway.frame_codec import prefix_length
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.replay.object_state import ObjectState
 from gslcosim.runtime.run_dir import RunDir, get_package_version, read_cpu_flags
@@ -204,15 +205,13 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
     """Yield the observations of an agent, from tick 0 on."""
     try:
         with open_regular_file(folder / f"{agent}.log") as file:
-            while piece := file.read(int.from_bytes(file.read(4), "big")):
+            while (piece := read_frame(file)) is not None:
                 unpacker = zlib.decompressobj()
-                rest = unpacker.decompress(piece, _MAX_UNPACKED_BYTES)
+                observations = io.BytesIO(unpacker.decompress(piece, _MAX_UNPACKED_BYTES))
                 if not unpacker.eof or unpacker.unused_data:
                     raise SnapshotError(f"without what {agent} was told (damaged)")
-                while rest:
-                    n = int.from_bytes(rest[:4], "big")
-                    yield rest[4 : 4 + n]
-                    rest = rest[4 + n :]
+                while (observation := read_frame(observations)) is not None:
+                    yield observation
     except (OSError, zlib.error) as error:
         raise SnapshotError(f"without what {agent} was told ({error})") from error
     raise SnapshotError(f"without all that {agent} was told")
