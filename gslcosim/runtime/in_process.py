@@ -14,33 +14,30 @@ from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
 from gslcosim.base.files import ScratchFolder
 from gslcosim.base.processes import Interruption
-from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
 from gslcosim.runtime.agents.session import (
     AgentEvent,
-    AgentSession,
+    AgentSessions,
     AgentTransport,
     EventSink,
     ObjectTransport,
     ThreadedTransport,
     WorkerThread,
-    build_agent_statuses,
     build_session,
 )
-from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
-from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
+from gslcosim.runtime.processes.stop_detection import StopMonitor
 from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.stepper import SentMessage, StepLoop, Stepper
+from gslcosim.runtime.status import RunStatus, StatusReporter
+from gslcosim.runtime.stepper import SentMessage, StepListener, StepLoop, Stepper
 from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
@@ -50,7 +47,7 @@ MessageObserver = Callable[[str, Message], None]
 _Kind = TypeVar("_Kind")
 
 
-class InProcessRun:
+class InProcessRun(StepListener):
     """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
@@ -63,7 +60,7 @@ class InProcessRun:
     def __init__(
         self,
         setup: RunSetup,
-        sessions: Mapping[str, AgentSession],
+        sessions: AgentSessions,
         events: "queue.SimpleQueue[AgentEvent]",
         report: Callable[[RunStatus], None],
         watch: MessageObserver | None = None,
@@ -73,14 +70,13 @@ class InProcessRun:
         self._events = events
         self._sessions = sessions
         self._setup = setup
-        self._report = report
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._participants)
         self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
         self._dataflow, cores = build_all_cores(setup)
         self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
         self.pause_before_tick: int | None = None
         self._verdict: Verdict | None = None
-        self._pauses = PauseDetector()
         self._reported_tick = -1
 
     def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
@@ -117,13 +113,14 @@ class InProcessRun:
         outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
-        outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
-        outcome.verdict = self._verdict
-        outcome.decisions_s = [taken_s for session in self._sessions.values() for taken_s in session.decisions_s]
-        outcome.agent_faults = collect_faults(session.validator for session in self._sessions.values())
         steppers = self._loop.steppers
-        outcome.timing = {stepper.spec.name: stepper.timing.as_fields() for stepper in steppers}
-        outcome.summary = {key: value for stepper in steppers for key, value in self._loop.summarize(stepper).items()}
+        outcome.collect(
+            self._sessions,
+            verdict=self._verdict,
+            reached_tick=self._tick,
+            timing={stepper.spec.name: stepper.timing.as_fields() for stepper in steppers},
+            summaries=map(self._loop.summarize, steppers),
+        )
         if outcome.fault is None and self._loop.is_finished:
             outcome.digest = self.digest(outcome.ticks_flown)
 
@@ -133,7 +130,7 @@ class InProcessRun:
             for agent, payload in observations:
                 self._deliver_commands(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
                 self._handle_agent_events()
-            while any(session.is_pending for session in self._sessions.values()) and not is_interrupted():
+            while self._sessions.are_pending and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
                 return
@@ -168,7 +165,7 @@ class InProcessRun:
                 yield
             elif loop.step():
                 self._report_if_due(started)
-            elif any(session.is_pending for session in self._sessions.values()):
+            elif self._sessions.are_pending:
                 yield
                 self._wait_for_agent()
             elif (wait_s := loop.pace_wait_s) > 0:
@@ -186,18 +183,12 @@ class InProcessRun:
         return f"no participant can step.\n{stall.text if stall else ''}"
 
     def _wait_for_agent(self) -> None:
-        self._renew()
+        self._sessions.renew_deadlines()
         with suppress(queue.Empty):
             self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
-        self._renew()
+        self._sessions.renew_deadlines()
         for session in self._sessions.values():
             self._deliver_commands(session.check_deadline())
-
-    # While this process stood still no agent was late.
-    def _renew(self) -> None:
-        if missed_s := self._pauses.missed_s(time.monotonic()):
-            for session in self._sessions.values():
-                session.extend_deadlines(missed_s)
 
     # One round, so that an agent that never stops talking does not stop the run.
     def _handle_agent_events(self) -> None:
@@ -212,20 +203,11 @@ class InProcessRun:
         if tick == self._reported_tick or (tick % REPORT_EVERY_TICKS and not self._loop.is_paced):
             return
         self._reported_tick = tick
-        sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
-        wall_s = max(time.perf_counter() - started, 1e-9)
-        self._report(
-            RunStatus(
-                state="flying",
-                sim_time_s=sim_time_s,
-                real_time_factor=sim_time_s / wall_s,
-                participants=self._participants,
-            )
-        )
+        self._status_reporter.report_run("flying", tick, time.perf_counter() - started)
 
     # On the caller's thread, while a core may be in its step.
     def _participants(self) -> list[ParticipantStatus]:
-        return [*(stepper.look() for stepper in self._loop.steppers), *build_agent_statuses(self._sessions)]
+        return [*(stepper.look() for stepper in self._loop.steppers), *self._sessions.look()]
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
@@ -244,12 +226,6 @@ class InProcessRun:
             elif isinstance(message, Verdict):
                 self._verdict = message
 
-    def before_snapshot(self, stepper: Stepper) -> None:
-        """Do nothing: nothing is on its way; see `StepListener`."""
-
-    def after_step(self, stepper: Stepper) -> None:
-        """Do nothing: nobody elsewhere counts on it; see `StepListener`."""
-
     def _deliver_commands(self, commands: Iterable[SentMessage]) -> None:
         for sent in commands:
             if self._watch is not None:
@@ -264,21 +240,19 @@ class InProcessRun:
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
-        for session in self._sessions.values():
-            session.end(build_ending(self._verdict))
+        self._sessions.end(self._verdict)
 
     def digest(self, final_tick: int) -> RunDigest:
         """Return the digest of the run up to a tick that all participants have finished."""
         trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
-        trails |= {keys.command(name): session.trail for name, session in self._sessions.items()}
-        return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
+        return RunDigest.of(trails | self._sessions.trails, self._dataflow.writer_of, final_tick)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentHost:
     """Agents of a run in this process: their sessions, and the queue of what they do."""
 
-    sessions: Mapping[str, AgentSession]
+    sessions: AgentSessions
     events: "queue.SimpleQueue[AgentEvent]"
 
 
@@ -309,7 +283,7 @@ def host_agents(
         gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
     guests = {} if gateway is None else {name: gateway.get_transport(name) for name in gateway}
     agent_types = load_agent_types(setup.scenario, directory, [*guests, *commanded])
-    sessions: dict[str, AgentSession] = {}
+    sessions = AgentSessions({})
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
         link = commanded.get(agent.name) or guests.get(agent.name)
@@ -365,16 +339,16 @@ def _build_local_transport(
 
 def _await_gateway_agents(
     gateway: GatewayAgents,
-    sessions: Mapping[str, AgentSession],
+    sessions: AgentSessions,
     events: "queue.SimpleQueue[AgentEvent]",
     is_interrupted: Callable[[], bool],
 ) -> None:
-    deadline_s, pauses = time.monotonic() + JOIN_TIMEOUT_S, PauseDetector()
-    while not is_interrupted() and (absent := [session for session in sessions.values() if session.is_awaited]):
-        deadline_s += pauses.missed_s(time.monotonic())
+    deadline_s = time.monotonic() + JOIN_TIMEOUT_S
+    while not is_interrupted() and (absent := sessions.awaited):
+        deadline_s += sessions.renew_deadlines()
         if time.monotonic() > deadline_s:
-            for session in absent:
-                session.mark_lost(gateway.describe_absence(session.agent))
+            for name in absent:
+                sessions[name].mark_lost(gateway.describe_absence(name))
             return
         with suppress(queue.Empty):
             event = events.get(timeout=POLL_PERIOD_S)

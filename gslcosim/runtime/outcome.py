@@ -1,13 +1,14 @@
 """Outcome of a run as `result.json` holds it, and its exit code."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.contract.messages import Ending, Verdict
+from gslcosim.contract.messages import Verdict
+from gslcosim.runtime.agents.session import AgentSessions
 from gslcosim.runtime.agents.validator import AgentFault
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
@@ -15,13 +16,6 @@ from gslcosim.runtime.run_dir import RunManifest
 from gslcosim.scenario import Scenario
 from gslcosim.validity.conduct import INTERNAL_KEYS
 from gslcosim.validity.findings import Validity, assess_run
-
-
-def build_ending(verdict: Verdict | None) -> Ending:
-    """Return the message that ends the agents of a run."""
-    if verdict is None:
-        return Ending(tick=0, reason="the run was ended")
-    return Ending(tick=verdict.tick, reason=verdict.end_reason)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +47,35 @@ class RunOutcome:
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # Summaries of participants, by key of the result.
     summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    # What each decision of an agent took by the clock; only where the agents fly in this process.
+    # What each decision of an agent took by the clock.
     decisions_s: list[float] = field(default_factory=list[float])
     # By agent what its process was confined by.
     sandboxes: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def collect(
+        self,
+        sessions: AgentSessions,
+        *,
+        verdict: Verdict | None,
+        reached_tick: int,
+        timing: Mapping[str, Mapping[str, int]],
+        summaries: Iterable[Mapping[str, Any]],
+    ) -> None:
+        """Take over the verdict and the accounts of agents and services.
+
+        Args:
+            sessions: Those of the agents.
+            verdict: That of the referee; absent where the run ended before one.
+            reached_tick: The last tick of a run without a verdict.
+            timing: Of each service.
+            summaries: Entries of the result, of each service.
+        """
+        self.verdict = verdict
+        self.ticks_flown = verdict.tick if verdict else reached_tick
+        self.agent_faults = sessions.faults
+        self.decisions_s = [taken_s for session in sessions.values() for taken_s in session.decisions_s]
+        self.timing = dict(timing)
+        self.summary = {key: value for summary in summaries for key, value in summary.items()}
 
     @property
     def is_valid(self) -> bool:

@@ -10,8 +10,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
@@ -24,6 +24,10 @@ from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
+
+STATUS_PERIOD_S = 0.1
+# Participants that have not joined by then are named in a log, too: one that is stopped may still come.
+LATE_AFTER_S = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +59,40 @@ class RunResult:
     exit_code: int
     run_dir: Path
     result: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+class StatusReporter:
+    """Reporter of a run's status: not too often, but each state at once."""
+
+    def __init__(
+        self,
+        report: Callable[[RunStatus], None],
+        tick_ns: int,
+        participants: Callable[[], list[ParticipantStatus]],
+    ) -> None:
+        self._report = report
+        self._tick_ns = tick_ns
+        self._participants = participants
+        self._reported_at_s, self._reported_state = 0.0, ""
+
+    def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
+        """Report the participants that have not joined yet, and after a while for how long."""
+        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
+        if is_late:
+            text = f"{text}, not here after {waited_s:.0f} s"
+        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
+
+    def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
+        """Report how far the run has come, and notes besides."""
+        sim_time_s = seconds_from_ticks(tick, self._tick_ns)
+        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
+        self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+
+    def _report_status(self, status: RunStatus) -> None:
+        now_s = time.monotonic()
+        if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
+            self._reported_at_s, self._reported_state = now_s, status.state
+            self._report(replace(status, participants=self._participants))
 
 
 SOCKET_SUFFIX = ".flight"

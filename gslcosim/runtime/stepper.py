@@ -554,11 +554,9 @@ class StepListener(Protocol):
 
     def before_snapshot(self, stepper: Stepper) -> None:
         """Let go out what was sent before a participant's state is written."""
-        ...
 
     def after_step(self, stepper: Stepper) -> None:
         """Take note that a participant has finished a tick."""
-        ...
 
 
 class StepLoop:

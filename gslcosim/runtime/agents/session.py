@@ -12,11 +12,12 @@ from typing import Protocol
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Command, Ending, Observation
+from gslcosim.contract.messages import Briefing, Command, Ending, Observation, Verdict
 from gslcosim.contract.participant import get_agent_participant
-from gslcosim.runtime.agents.validator import CommandValidator, build_validator
+from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator, collect_faults
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
+from gslcosim.runtime.processes.stop_detection import PauseDetector
 from gslcosim.runtime.replay.snapshot import ObservationLog
 from gslcosim.runtime.run_dir import MachineLog
 from gslcosim.runtime.setup import RunSetup
@@ -83,7 +84,6 @@ class AgentTransport(Protocol):
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing."""
-        ...
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Send the agent an observation."""
@@ -97,7 +97,6 @@ class AgentTransport(Protocol):
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run."""
-        ...
 
 
 class ObjectTransport(AgentTransport):
@@ -403,9 +402,53 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
     )
 
 
-def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
-    """Return one moment of all agents."""
-    return [
-        ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
-        for name, session in sessions.items()
-    ]
+class AgentSessions(dict[str, AgentSession]):
+    """Sessions of all agents of a run, by agent."""
+
+    def __init__(self, sessions: Mapping[str, AgentSession]) -> None:
+        super().__init__(sessions)
+        self._pauses = PauseDetector()
+
+    @property
+    def are_pending(self) -> bool:
+        """True when simulated time may have to wait for an agent."""
+        return any(session.is_pending for session in self.values())
+
+    @property
+    def awaited(self) -> list[str]:
+        """Agents without which the run cannot start."""
+        return [name for name, session in self.items() if session.is_awaited]
+
+    @property
+    def faults(self) -> list[AgentFault]:
+        """Faults of all agents, by tick."""
+        return collect_faults(session.validator for session in self.values())
+
+    @property
+    def trails(self) -> dict[str, HashChain]:
+        """Chains of the commands that have passed, by port."""
+        return {keys.command(name): session.trail for name, session in self.items()}
+
+    def look(self) -> list[ParticipantStatus]:
+        """Return one moment of all agents."""
+        return [
+            ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
+            for name, session in self.items()
+        ]
+
+    def renew_deadlines(self) -> float:
+        """Extend all deadlines by the time [s] in which this process stood still since the last call, and return it."""
+        missed_s = self._pauses.missed_s(time.monotonic())
+        if missed_s > 0:
+            for session in self.values():
+                session.extend_deadlines(missed_s)
+        return missed_s
+
+    def end(self, verdict: Verdict | None) -> None:
+        """Send all agents the end of the run."""
+        if verdict is None:
+            ending = Ending(tick=0, reason="the run was ended")
+        else:
+            ending = Ending(tick=verdict.tick, reason=verdict.end_reason)
+        for session in self.values():
+            session.end(ending)

@@ -4,20 +4,17 @@ import queue
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import takewhile
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.processes import Interruption
-from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentJoined, AgentLost, build_agent_statuses, build_session
-from gslcosim.runtime.agents.validator import collect_faults
+from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSessions, build_session
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import (
@@ -30,54 +27,15 @@ from gslcosim.runtime.distributed.protocol import (
 )
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
-from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
-from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_stop
+from gslcosim.runtime.processes.stop_detection import describe_stop
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus
+from gslcosim.runtime.status import RunStatus, StatusReporter
 from gslcosim.runtime.stepper import SnapshotPolicy
 from gslcosim.scenario.models.scenario import AgentSpec
-
-STATUS_PERIOD_S = 0.1
-# Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
-LATE_AFTER_S = 4.0
-
-
-class StatusReporter:
-    """Reporter of a run's status: not too often, but each state at once."""
-
-    def __init__(
-        self,
-        report: Callable[[RunStatus], None],
-        tick_ns: int,
-        participants: Callable[[], list[ParticipantStatus]],
-    ) -> None:
-        self._report = report
-        self._tick_ns = tick_ns
-        self._participants = participants
-        self._reported_at_s, self._reported_state = 0.0, ""
-
-    def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
-        """Report who has not joined yet, and after a while for how long."""
-        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
-        if is_late:
-            text = f"{text}, not here after {waited_s:.0f} s"
-        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
-
-    def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Report how far the run has come, and notes besides."""
-        sim_time_s = seconds_from_ticks(tick, self._tick_ns)
-        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
-        self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
-
-    def _report_status(self, status: RunStatus) -> None:
-        now_s = time.monotonic()
-        if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
-            self._reported_at_s, self._reported_state = now_s, status.state
-            self._report(replace(status, participants=self._participants))
-
 
 # Who has not answered by then is silent: it is stopped, or its process has too much to do.
 INSPECTION_TIMEOUT_S = 0.5
@@ -127,6 +85,7 @@ class Supervisor:
             if agent.name not in gateway
         }
         self._agent_hosts = {agent.name: self._build_agent_host(agent) for agent in setup.scenario.agents}
+        self._sessions = AgentSessions({name: host.session for name, host in self._agent_hosts.items()})
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
@@ -134,7 +93,6 @@ class Supervisor:
         self._verdict: Verdict | None = None
         # The fault before which all others still have ticks to do.
         self._fault: ServiceFault | None = None
-        self._pauses = PauseDetector()
         self._signalled_at_s = 0.0
         self._started_at_s: float | None = None
         self._ended_at_s: float | None = None
@@ -228,8 +186,7 @@ class Supervisor:
     def shut_down(self) -> None:
         """Send agents and services the end of the run."""
         self._ended_at_s = time.perf_counter()
-        for host in self._agent_hosts.values():
-            host.session.end(build_ending(self._verdict))
+        self._sessions.end(self._verdict)
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
@@ -237,17 +194,18 @@ class Supervisor:
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
         reports, verdict = self._watchdog.final_reports, self._verdict
-        outcome.verdict = verdict
-        outcome.agent_faults = collect_faults(host.session.validator for host in self._agent_hosts.values())
-        outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
-        accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
-        outcome.summary = {key: value for account in accounts for key, value in account.items()}
-        reached = self._fault.tick if self._fault and self._watchdog.is_finished else self._watchdog.finished_tick
-        outcome.ticks_flown = verdict.tick if verdict else reached
+        ending = self._fault if self._watchdog.is_finished else None
+        outcome.collect(
+            self._sessions,
+            verdict=verdict,
+            reached_tick=ending.tick if ending else self._watchdog.finished_tick,
+            timing={name: report.timing for name, report in sorted(reports.items())},
+            summaries=(*(report.summary for report in reports.values()), self._restarts.summary),
+        )
         if verdict is None or outcome.fault is not None or not self._watchdog.is_finished:
             return
         writer_of = build_dataflow(self._setup.scenario).writer_of
-        trails = {keys.command(name): host.session.trail for name, host in self._agent_hosts.items()}
+        trails = self._sessions.trails
         for name, report in reports.items():
             written = {port for port, writer in writer_of.items() if writer == name}
             if report.last_tick < verdict.tick or report.trails.keys() != written:
@@ -278,7 +236,7 @@ class Supervisor:
                 inspection = protocol.ParticipantInspection.from_bytes(payload)
                 came[inspection.name] = inspection.as_status()
         services = [came.get(name) or self._describe_silent(name) for name in self._services]
-        return services + build_agent_statuses({name: host.session for name, host in self._agent_hosts.items()})
+        return services + self._sessions.look()
 
     # A service is silent only where it answers neither of two questions.
     def _look_twice(self) -> list[ParticipantStatus]:
@@ -445,7 +403,7 @@ class Supervisor:
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]
-        return services + [name for name, host in self._agent_hosts.items() if host.session.is_awaited]
+        return services + self._sessions.awaited
 
     def _give_up_on(self, lacking: list[str]) -> None:
         for name in lacking:
@@ -453,15 +411,11 @@ class Supervisor:
                 raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
             self._agent_hosts[name].mark_lost(self._gateway.describe_absence(name))
 
-    # While this process stood still nobody was late.
+    # While this process stood still no service was late; one that has left has left.
     def _renew(self) -> float:
-        now_s = time.monotonic()
-        missed_s = self._pauses.missed_s(now_s)
+        missed_s = self._sessions.renew_deadlines()
         if missed_s > 0:
-            self._watchdog.extend_deadlines(missed_s, now_s)
-            # An agent's deadlines are those of its session; one that has left has left.
-            for host in self._agent_hosts.values():
-                host.session.extend_deadlines(missed_s)
+            self._watchdog.extend_deadlines(missed_s, time.monotonic())
         return missed_s
 
     def _check_time(self) -> None:

@@ -12,10 +12,11 @@ from gslcosim.base.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Briefing, Command, Ending
+from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentLost,
+    AgentSessions,
     AgentTransport,
     CommandReceived,
     EventSink,
@@ -66,9 +67,6 @@ class RecordedTransport(AgentTransport):
         self._commands = commands
         self._put = put
 
-    def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Do nothing: nobody decides again."""
-
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Answer where the agent was asked."""
         del payload
@@ -82,9 +80,6 @@ class RecordedTransport(AgentTransport):
             self._put(AgentLost(agent=self._agent, reason="the agent was gone from here on."))
         else:
             self._put(CommandReceived(agent=self._agent, payload=codec.encode(command), decided_in_s=0.0))
-
-    def end(self, ending: Ending, payload: bytes) -> None:
-        """Do nothing: nobody is there."""
 
 
 def replay_run(
@@ -171,7 +166,7 @@ def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Cal
     for session in sessions.values():
         session.is_ready = True
     with Interruption() as interruption:
-        flight = InProcessRun(setup, sessions, events, report, until_tick=until_tick)
+        flight = InProcessRun(setup, AgentSessions(sessions), events, report, until_tick=until_tick)
         return flight.fly(interruption.is_set)
 
 
