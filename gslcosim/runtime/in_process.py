@@ -3,7 +3,7 @@
 import queue
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,6 +73,8 @@ class InProcessRun(StepListener):
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._participants)
         self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
+        for session in sessions.values():
+            session.deliver = self._deliver_command
         self._dataflow, cores = build_all_cores(setup)
         self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
         self.pause_before_tick: int | None = None
@@ -128,7 +130,7 @@ class InProcessRun(StepListener):
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
-                self._deliver_commands(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
+                self._sessions[agent].observe(codec.decode_observation_head(payload), payload)
                 self._handle_agent_events()
             while self._sessions.are_pending and not is_interrupted():
                 self._wait_for_agent()
@@ -187,8 +189,7 @@ class InProcessRun(StepListener):
         with suppress(queue.Empty):
             self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
         self._sessions.renew_deadlines()
-        for session in self._sessions.values():
-            self._deliver_commands(session.check_deadline())
+        self._sessions.check_deadlines()
 
     # One round, so that an agent that never stops talking does not stop the run.
     def _handle_agent_events(self) -> None:
@@ -196,7 +197,7 @@ class InProcessRun(StepListener):
             self._handle_event(self._events.get())
 
     def _handle_event(self, event: AgentEvent) -> None:
-        self._deliver_commands(self._sessions[event.agent].handle(event))
+        self._sessions[event.agent].handle(event)
 
     def _report_if_due(self, started: float) -> None:
         tick = self._tick
@@ -217,7 +218,7 @@ class InProcessRun(StepListener):
             if self._watch is not None:
                 self._watch(port, message)
             if isinstance(message, Observation):
-                self._deliver_commands(self._observed_by[port].observe(message, sent.payload))
+                self._observed_by[port].observe(message, sent.payload)
                 # An object has answered by now.
                 self._handle_agent_events()
             elif isinstance(message, Briefing):
@@ -226,11 +227,10 @@ class InProcessRun(StepListener):
             elif isinstance(message, Verdict):
                 self._verdict = message
 
-    def _deliver_commands(self, commands: Iterable[SentMessage]) -> None:
-        for sent in commands:
-            if self._watch is not None:
-                self._watch(sent.port, sent.message)
-            self._loop.deliver(sent.port, sent.message)
+    def _deliver_command(self, sent: SentMessage) -> None:
+        if self._watch is not None:
+            self._watch(sent.port, sent.message)
+        self._loop.deliver(sent.port, sent.message)
 
     def _close(self, outcome: RunOutcome) -> None:
         for stepper in self._loop.steppers:

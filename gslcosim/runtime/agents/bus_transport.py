@@ -1,6 +1,6 @@
 """Agents on the bus: their transport, their sessions as participants, and the replay of past observations to them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
@@ -8,7 +8,6 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.session import (
-    AgentEvent,
     AgentSession,
     AgentTransport,
     CommandReceived,
@@ -123,6 +122,7 @@ class AgentHost:
         self._in_order: ReorderBuffer[tuple[codec.ObservationHead, bytes]] = ReorderBuffer()
         self._kept = RetransmitBuffer(RETRANSMIT_TICKS + more_ticks)
         self._reported_tick = -1
+        session.deliver = self._publish
 
     def listen(self) -> None:
         """Answer who missed a command."""
@@ -145,30 +145,16 @@ class AgentHost:
             question = protocol.ResendRequest(port=keys.observation(self.session.agent), tick=tick).to_bytes()
             self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
 
-    def handle(self, event: AgentEvent) -> None:
-        """Take what the agent did."""
-        self._publish(self.session.handle(event))
-
-    def mark_lost(self, reason: str) -> None:
-        """Take note that the agent is gone."""
-        self._publish(self.session.mark_lost(reason))
-
-    def check_deadline(self) -> None:
-        """Give the agent up where it has owed an answer for too long."""
-        self._publish(self.session.check_deadline())
-
     # The agent is sent the bytes as they are, so nobody has to look at the rest.
     def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
-        passed = self.session.observe(head, payload)
+        self.session.observe(head, payload)
         if head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
             self._reported_tick = head.tick
             self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
-        self._publish(passed)
 
-    def _publish(self, passed: Iterable[SentMessage]) -> None:
-        for sent in passed:
-            self._kept.keep(sent)
-            self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
+    def _publish(self, sent: SentMessage) -> None:
+        self._kept.keep(sent)
+        self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
 
 
 def replay_observations(

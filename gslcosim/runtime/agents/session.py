@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -254,16 +254,16 @@ REPEAT_QUESTION_AFTER_S = 1.0
 class AgentSession:
     """Agent of a run: its validator and its transport, with deadlines, log and statistics.
 
-    Methods return the commands that count now, with their bytes; the holder of the session delivers them. `journal`
-    gets each of them; `log_tail` returns the end of the agent's log; `observation_log` keeps the agent's observations
-    where the run takes snapshots; `machine` notes decisions and faults where the run is recorded. Times are those of
-    the monotonic clock [s].
+    `deliver` and `journal` get each command that counts, the former with its bytes; `log_tail` returns the end of the
+    agent's log; `observation_log` keeps the agent's observations where the run takes snapshots; `machine` notes
+    decisions and faults where the run is recorded. Times are those of the monotonic clock [s].
     """
 
     agent: str
     validator: CommandValidator
     transport: AgentTransport
     answer_within_s: float
+    deliver: Callable[[SentMessage], None] = lambda _: None
     journal: Callable[[Command], None] = lambda _: None
     log_tail: Callable[[], str] = lambda: ""
     observation_log: ObservationLog | None = None
@@ -301,7 +301,7 @@ class AgentSession:
         """Send the agent its briefing."""
         self.transport.brief(briefing, payload)
 
-    def observe(self, observation: ObservationOrHead, payload: bytes) -> list[SentMessage]:
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Send the agent an observation."""
         self.last_tick = observation.tick
         if self.observation_log is not None:
@@ -309,39 +309,37 @@ class AgentSession:
         commands = self.validator.on_observation(observation)
         if self.validator.pending and self._asked_at_s is None:
             self._asked_at_s = self._repeated_at_s = time.monotonic()
-        passed = self._publish(commands)
+        self._publish(commands)
         self.transport.observe(observation, payload)
-        return passed
 
-    def handle(self, event: AgentEvent) -> list[SentMessage]:
+    def handle(self, event: AgentEvent) -> None:
         """Take what the agent did."""
         match event:
             case AgentJoined():
                 self.is_ready = True
-                return []
             case CommandReceived() | CommandRefused():
-                return self._handle_answer(event)
+                self._handle_answer(event)
             case AnswerMissed(text=text):
-                return self.mark_lost(text) if self.validator.pending else []
+                if self.validator.pending:
+                    self.mark_lost(text)
             case AgentLost(reason=reason):
-                return self.mark_lost(reason)
+                self.mark_lost(reason)
 
-    def mark_lost(self, reason: str) -> list[SentMessage]:
+    def mark_lost(self, reason: str) -> None:
         """Record that the agent is lost."""
         words = self.log_tail()
-        return self._publish(self.validator.on_lost(f"{reason} The end of its log: {words}" if words else reason))
+        self._publish(self.validator.on_lost(f"{reason} The end of its log: {words}" if words else reason))
 
-    def check_deadline(self) -> list[SentMessage]:
+    def check_deadline(self) -> None:
         """Give the agent up where it has owed an answer for too long; repeat a question that may have got lost."""
         if self._asked_at_s is None:
-            return []
+            return
         now_s = time.monotonic()
         if now_s - self._asked_at_s > self.answer_within_s:
-            return self.mark_lost(f"the agent did not answer within {self.answer_within_s:g} s.")
-        if self.transport.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
+            self.mark_lost(f"the agent did not answer within {self.answer_within_s:g} s.")
+        elif self.transport.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
             self._repeated_at_s = now_s
             self.transport.repeat()
-        return []
 
     def extend_deadlines(self, missed_s: float) -> None:
         """Let the agent have its time again that this process has missed [s]."""
@@ -355,7 +353,7 @@ class AgentSession:
         self.machine.close()
         self.transport.end(ending, codec.encode(ending))
 
-    def _handle_answer(self, event: CommandReceived | CommandRefused) -> list[SentMessage]:
+    def _handle_answer(self, event: CommandReceived | CommandRefused) -> None:
         match event:
             case CommandReceived(payload=payload, decided_in_s=decided_in_s):
                 commands = self.validator.on_answer(payload)
@@ -369,22 +367,20 @@ class AgentSession:
                 asked_tick = commands[0].tick if commands else self.last_tick
                 self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])
         self.transport.acknowledge(event)
-        return self._publish(commands)
+        self._publish(commands)
 
-    def _publish(self, commands: Iterable[Command]) -> list[SentMessage]:
+    def _publish(self, commands: Sequence[Command]) -> None:
         for fault in self.validator.faults[self._n_faults_noted :]:
             self.machine.failed(f"agent {fault.agent}", fault.tick, fault.text)
         self._n_faults_noted = len(self.validator.faults)
-        passed: list[SentMessage] = []
         for command in commands:
             sent = SentMessage(keys.command(self.agent), command, codec.encode(command))
             self.trail.append(command.tick, sent.payload)
             self.journal(command)
-            passed.append(sent)
-        if passed:
+            self.deliver(sent)
+        if commands:
             self._repeated_at_s = time.monotonic()
             self._asked_at_s = self._repeated_at_s if self.validator.pending else None
-        return passed
 
 
 def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) -> AgentSession:
@@ -435,6 +431,11 @@ class AgentSessions(dict[str, AgentSession]):
             ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
             for name, session in self.items()
         ]
+
+    def check_deadlines(self) -> None:
+        """Give up each agent that has owed an answer for too long; repeat questions that may have got lost."""
+        for session in self.values():
+            session.check_deadline()
 
     def renew_deadlines(self) -> float:
         """Extend all deadlines by the time [s] in which this process stood still since the last call, and return it."""

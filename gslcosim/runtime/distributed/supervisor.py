@@ -14,7 +14,7 @@ from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSessions, build_session
+from gslcosim.runtime.agents.session import AgentJoined, AgentSessions, build_session
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import (
@@ -276,7 +276,7 @@ class Supervisor:
             case Interrupted() | ProcessStopped():
                 return
             case _:
-                self._agent_hosts[event.agent].handle(event)
+                self._sessions[event.agent].handle(event)
 
     # A service that ends by itself reports why, but its end may be seen before that has come over the bus.
     def _take_last_messages(self) -> None:
@@ -327,7 +327,7 @@ class Supervisor:
             if name not in self._bus_links:
                 return
             if is_alive:
-                self._agent_hosts[name].handle(AgentJoined(agent=name))
+                self._sessions[name].handle(AgentJoined(agent=name))
             else:
                 # Its process may have ended too; that says more, and comes within a moment.
                 self._departed_at_s.setdefault(name, time.monotonic())
@@ -379,7 +379,7 @@ class Supervisor:
             # Before a fault it ends without one.
             ticks = [tick for tick in ticks if self._fault is None or tick < self._fault.tick]
             return [MissingMessage(port=keys.VERDICT, tick=tick, writer="referee", last_tick=-1) for tick in ticks]
-        last_ticks = {name: host.session.last_tick for name, host in self._agent_hosts.items()}
+        last_ticks = {name: session.last_tick for name, session in self._sessions.items()}
         return [
             MissingMessage(port=keys.observation(name), tick=tick + 1, writer="sensing", last_tick=tick)
             for name, tick in last_ticks.items()
@@ -397,7 +397,7 @@ class Supervisor:
         for agent in self._setup.scenario.agents:
             if get_agent_participant(agent.process) == name:
                 reason = f"the agent's process {how} before the end of the run."
-                self._agent_hosts[agent.name].handle(AgentLost(agent=agent.name, reason=reason))
+                self._sessions[agent.name].mark_lost(reason)
 
     # ------------------------------------------------------------ time
 
@@ -407,9 +407,9 @@ class Supervisor:
 
     def _give_up_on(self, lacking: list[str]) -> None:
         for name in lacking:
-            if name not in self._agent_hosts:
+            if name not in self._sessions:
                 raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
-            self._agent_hosts[name].mark_lost(self._gateway.describe_absence(name))
+            self._sessions[name].mark_lost(self._gateway.describe_absence(name))
 
     # While this process stood still no service was late; one that has left has left.
     def _renew(self) -> float:
@@ -424,12 +424,11 @@ class Supervisor:
         for name, since_s in list(self._departed_at_s.items()):
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 del self._departed_at_s[name]
-                self._agent_hosts[name].mark_lost(f"the agent left the run before its end.{self._watchdog.pause_text}")
-        for host in self._agent_hosts.values():
-            if host.session.is_pending:
-                # An agent that owes an answer is not a stall of the run; it has its own deadline.
-                self._watchdog.moved(now_s)
-                host.check_deadline()
+                self._sessions[name].mark_lost(f"the agent left the run before its end.{self._watchdog.pause_text}")
+        if self._sessions.are_pending:
+            # An agent that owes an answer is not a stall of the run; it has its own deadline.
+            self._watchdog.moved(now_s)
+        self._sessions.check_deadlines()
         is_judged, overdue = self._verdict is not None or self._fault is not None, self._list_overdue()
         fault = self._watchdog.check(now_s, is_judged=is_judged, look=self._look_twice, overdue=overdue)
         if fault is not None:

@@ -48,6 +48,7 @@ from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.processes.stop_detection import StopMonitor
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.stepper import SentMessage
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.problems import did_you_mean
@@ -257,14 +258,16 @@ class LogSession:
     def ask(self, observation: Observation) -> Command:
         """Return the command that answers an observation."""
         session, self._tick = self._session, observation.tick
-        passed = session.observe(observation, codec.encode(observation))
+        answers: list[SentMessage] = []
+        session.deliver = answers.append
+        session.observe(observation, codec.encode(observation))
         # What an agent says after its answer belongs to this question too.
-        while not (passed and self._events.empty()):
+        while not (answers and self._events.empty()):
             try:
-                passed += session.handle(self._events.get(timeout=_POLL_S))
+                session.handle(self._events.get(timeout=_POLL_S))
             except queue.Empty:
-                passed += session.check_deadline()
-        command = passed[0].message
+                session.check_deadline()
+        command = answers[0].message
         assert isinstance(command, Command)
         if command.kind == "failed":
             raise LogAgentError(session.validator.faults[-1].text if session.validator.faults else command.reason)
