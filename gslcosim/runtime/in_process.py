@@ -4,7 +4,7 @@ import queue
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +12,6 @@ from typing import TypeVar
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
-from gslcosim.base.files import ScratchFolder
 from gslcosim.base.processes import Interruption
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
@@ -32,8 +31,6 @@ from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
-from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
-from gslcosim.runtime.processes.stop_detection import StopMonitor
 from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus, StatusReporter
@@ -294,16 +291,9 @@ def host_agents(
     if gateway is None:
         yield host
         return
-    with (
-        ScratchFolder.for_sockets() as sockets,
-        ChildProcesses(gateway.exited) as children,
-        StopMonitor(lambda: children.pids, gateway.stopped),
-        closing(gateway),
-    ):
-        gateway.start(children, sockets.path)
+    with gateway.open():
         _await_gateway_agents(gateway, sessions, events, is_interrupted)
         yield host
-        children.wait(EXIT_TIMEOUT_S)
 
 
 def run_in_process(

@@ -1,10 +1,12 @@
 """Agents behind the gateway: their processes, and the transport to each of them."""
 
 import threading
-from collections.abc import Container, Iterator
+from collections.abc import Container, Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.contract.participant import get_agent_participant
@@ -21,9 +23,14 @@ from gslcosim.runtime.agents.session import (
     ObservationOrHead,
 )
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions, build_gateway_variables
+from gslcosim.runtime.processes.child_processes import (
+    EXIT_TIMEOUT_S,
+    ChildProcesses,
+    ProcessOptions,
+    build_gateway_variables,
+)
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
-from gslcosim.runtime.processes.stop_detection import describe_stop
+from gslcosim.runtime.processes.stop_detection import StopMonitor, describe_stop
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.scenario import AgentSpec
 
@@ -168,6 +175,19 @@ class GatewayAgents:
 
     def __len__(self) -> int:
         return len(self._by_agent)
+
+    @contextmanager
+    def open(self) -> Generator[None]:
+        """Start every process, or write its join file, with nothing beside it; leaving the context ends all of them."""
+        with (
+            ScratchFolder.for_sockets() as sockets,
+            ChildProcesses(self.exited) as children,
+            StopMonitor(lambda: children.pids, self.stopped),
+            closing(self),
+        ):
+            self.start(children, sockets.path)
+            yield
+            children.wait(EXIT_TIMEOUT_S)
 
     def start(self, children: ChildProcesses, socket_dir: Path) -> None:
         """Start every process, or write the join files of those that attach themselves."""

@@ -43,9 +43,7 @@ from gslcosim.runtime.agents.loader import find_python_agent, load_python_agent
 from gslcosim.runtime.agents.session import AgentEvent, AgentSession, AgentTransport, ObjectTransport
 from gslcosim.runtime.agents.validator import CommandValidator
 from gslcosim.runtime.network import Network
-from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
-from gslcosim.runtime.processes.stop_detection import StopMonitor
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
@@ -294,14 +292,9 @@ def open_log_session(agent: LogAgent, spec: AgentSpec, data_dir: Path) -> Iterat
         if agent.is_apart:
             setup = _build_setup(stack, spec, data_dir)
             gateway = GatewayAgents(setup, agent.directory, Network(), events.put)
-            sockets = stack.enter_context(ScratchFolder.for_sockets()).path
-            children = stack.enter_context(ChildProcesses(gateway.exited))
-            stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
-            stack.callback(gateway.close)
-            gateway.start(children, sockets)
+            stack.enter_context(gateway.open())
             transport = gateway.get_transport(spec.name)
             log_tail = lambda: setup.run_dir.log_tail(get_agent_participant(spec.name))  # noqa: E731
-            stack.callback(children.wait, EXIT_TIMEOUT_S)
         else:
             program = find_python_agent(agent.spec.start.python or "", agent.directory)
             transport = ObjectTransport(spec.name, load_python_agent(program), events.put)
