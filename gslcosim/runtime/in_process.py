@@ -5,12 +5,10 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
-from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
 from gslcosim.base.processes import Interruption
 from gslcosim.contract import codec, keys
@@ -21,7 +19,6 @@ from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentSessions,
     AgentTransport,
-    EventSink,
     ObjectTransport,
     ThreadedTransport,
     WorkerThread,
@@ -35,13 +32,31 @@ from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus, StatusReporter
 from gslcosim.runtime.stepper import SentMessage, StepListener, StepLoop, Stepper
-from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
 POLL_PERIOD_S = 0.1
 # Receives every message with its port, in the order in which they are delivered.
 MessageObserver = Callable[[str, Message], None]
 _Kind = TypeVar("_Kind")
+
+
+class LocalAgents(AgentSessions):
+    """Sessions of agents whose events wait in a queue of this process."""
+
+    def __init__(self) -> None:
+        super().__init__({})
+        self.events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+
+    def handle_waiting(self) -> None:
+        """Handle the events that are there: one round, so that an endless talker does not stop the run."""
+        for _ in range(self.events.qsize()):
+            self.wait(0.0)
+
+    def wait(self, timeout_s: float = POLL_PERIOD_S) -> None:
+        """Wait for the next event, but no longer than the timeout, and handle it."""
+        with suppress(queue.Empty):
+            event = self.events.get(timeout=timeout_s)
+            self[event.agent].handle(event)
 
 
 class InProcessRun(StepListener):
@@ -57,20 +72,18 @@ class InProcessRun(StepListener):
     def __init__(
         self,
         setup: RunSetup,
-        sessions: AgentSessions,
-        events: "queue.SimpleQueue[AgentEvent]",
+        agents: LocalAgents,
         report: Callable[[RunStatus], None],
         watch: MessageObserver | None = None,
         until_tick: int | None = None,
     ) -> None:
         self._watch = watch
-        self._events = events
-        self._sessions = sessions
+        self._agents = agents
         self._setup = setup
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._participants)
-        self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
-        self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
-        for session in sessions.values():
+        self._observed_by = {keys.observation(name): session for name, session in agents.items()}
+        self._briefed_by = {keys.briefing(name): session for name, session in agents.items()}
+        for session in agents.values():
             session.deliver = self._deliver_command
         self._dataflow, cores = build_all_cores(setup)
         self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
@@ -114,7 +127,7 @@ class InProcessRun(StepListener):
         outcome.flight_wall_s = time.perf_counter() - flying_since
         steppers = self._loop.steppers
         outcome.collect(
-            self._sessions,
+            self._agents,
             verdict=self._verdict,
             reached_tick=self._tick,
             timing={stepper.spec.name: stepper.timing.as_fields() for stepper in steppers},
@@ -127,9 +140,9 @@ class InProcessRun(StepListener):
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
-                self._sessions[agent].observe(codec.decode_observation_head(payload), payload)
-                self._handle_agent_events()
-            while self._sessions.are_pending and not is_interrupted():
+                self._agents[agent].observe(codec.decode_observation_head(payload), payload)
+                self._agents.handle_waiting()
+            while self._agents.are_pending and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
                 return
@@ -155,7 +168,7 @@ class InProcessRun(StepListener):
     def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
         loop = self._loop
         while not loop.is_finished and not is_interrupted():
-            self._handle_agent_events()
+            self._agents.handle_waiting()
             if (
                 self.pause_before_tick is not None
                 and self.is_between_ticks
@@ -164,12 +177,11 @@ class InProcessRun(StepListener):
                 yield
             elif loop.step():
                 self._report_if_due(started)
-            elif self._sessions.are_pending:
+            elif self._agents.are_pending:
                 yield
                 self._wait_for_agent()
             elif (wait_s := loop.pace_wait_s) > 0:
-                with suppress(queue.Empty):
-                    self._handle_event(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
+                self._agents.wait(min(wait_s, POLL_PERIOD_S))
             elif not loop.can_any_step():
                 raise GslCosimError(self._explain_stall())
 
@@ -182,19 +194,10 @@ class InProcessRun(StepListener):
         return f"no participant can step.\n{stall.text if stall else ''}"
 
     def _wait_for_agent(self) -> None:
-        self._sessions.renew_deadlines()
-        with suppress(queue.Empty):
-            self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
-        self._sessions.renew_deadlines()
-        self._sessions.check_deadlines()
-
-    # One round, so that an agent that never stops talking does not stop the run.
-    def _handle_agent_events(self) -> None:
-        for _ in range(self._events.qsize()):
-            self._handle_event(self._events.get())
-
-    def _handle_event(self, event: AgentEvent) -> None:
-        self._sessions[event.agent].handle(event)
+        self._agents.renew_deadlines()
+        self._agents.wait()
+        self._agents.renew_deadlines()
+        self._agents.check_deadlines()
 
     def _report_if_due(self, started: float) -> None:
         tick = self._tick
@@ -205,7 +208,7 @@ class InProcessRun(StepListener):
 
     # On the caller's thread, while a core may be in its step.
     def _participants(self) -> list[ParticipantStatus]:
-        return [*(stepper.look() for stepper in self._loop.steppers), *self._sessions.look()]
+        return [*(stepper.look() for stepper in self._loop.steppers), *self._agents.look()]
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
@@ -217,10 +220,10 @@ class InProcessRun(StepListener):
             if isinstance(message, Observation):
                 self._observed_by[port].observe(message, sent.payload)
                 # An object has answered by now.
-                self._handle_agent_events()
+                self._agents.handle_waiting()
             elif isinstance(message, Briefing):
                 self._briefed_by[port].brief(message, sent.payload)
-                self._handle_agent_events()
+                self._agents.handle_waiting()
             elif isinstance(message, Verdict):
                 self._verdict = message
 
@@ -237,20 +240,12 @@ class InProcessRun(StepListener):
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
-        self._sessions.end(self._verdict)
+        self._agents.end(self._verdict)
 
     def digest(self, final_tick: int) -> RunDigest:
         """Return the digest of the run up to a tick that all participants have finished."""
         trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
-        return RunDigest.of(trails | self._sessions.trails, self._dataflow.writer_of, final_tick)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AgentHost:
-    """Agents of a run in this process: their sessions, and the queue of what they do."""
-
-    sessions: AgentSessions
-    events: "queue.SimpleQueue[AgentEvent]"
+        return RunDigest.of(trails | self._agents.trails, self._dataflow.writer_of, final_tick)
 
 
 @contextmanager
@@ -261,7 +256,7 @@ def host_agents(
     *,
     commanded: Mapping[str, AgentTransport] = MappingProxyType({}),
     is_interrupted: Callable[[], bool] = lambda: False,
-) -> Generator[AgentHost]:
+) -> Generator[LocalAgents]:
     """Start the agents of a run: Python agents as objects in this process, agents behind the gateway as processes.
 
     Leaving the context ends the processes.
@@ -273,27 +268,29 @@ def host_agents(
         commanded: Transports of the agents that the caller commands; no program of theirs is started.
         is_interrupted: Ends the waiting for processes that join.
     """
-    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    agents = LocalAgents()
     own = [agent for agent in setup.scenario.agents if agent.process == agent.name and agent.name not in commanded]
     gateway = None
     if any(agent.start.is_behind_gateway for agent in own):
-        gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
+        gateway = GatewayAgents(setup, directory, network, agents.events.put, without=commanded)
     guests = {} if gateway is None else {name: gateway.get_transport(name) for name in gateway}
     agent_types = load_agent_types(setup.scenario, directory, [*guests, *commanded])
-    sessions = AgentSessions({})
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
         link = commanded.get(agent.name) or guests.get(agent.name)
-        link = link or _build_local_transport(agent, agent_types, workers, events.put)
-        sessions[agent.name] = build_session(agent, setup, link)
-        sessions[agent.name].is_ready = agent.name not in guests
-    host = AgentHost(sessions=sessions, events=events)
+        if link is None:
+            link = ObjectTransport(agent.name, agent_types[agent.process], agents.events.put)
+            if agent.is_free:
+                # Time does not wait for an agent in free mode, so it decides on a thread of its own.
+                link = ThreadedTransport(link, workers.setdefault(agent.process, WorkerThread()))
+        agents[agent.name] = build_session(agent, setup, link)
+        agents[agent.name].is_ready = agent.name not in guests
     if gateway is None:
-        yield host
+        yield agents
         return
     with gateway.open():
-        _await_gateway_agents(gateway, sessions, events, is_interrupted)
-        yield host
+        _await_gateway_agents(gateway, agents, is_interrupted)
+        yield agents
 
 
 def run_in_process(
@@ -316,30 +313,15 @@ def run_in_process(
         Interruption() as interruption,
         host_agents(setup, directory, network, is_interrupted=interruption.is_set) as agents,
     ):
-        return InProcessRun(setup, agents.sessions, agents.events, report, watch).fly(interruption.is_set)
+        return InProcessRun(setup, agents, report, watch).fly(interruption.is_set)
 
 
-# Time does not wait for an agent in free mode, so it decides on a thread of its own.
-def _build_local_transport(
-    agent: AgentSpec, types: Mapping[str, type[Agent]], workers: dict[str, WorkerThread], put: EventSink
-) -> AgentTransport:
-    link = ObjectTransport(agent.name, types[agent.process], put)
-    return ThreadedTransport(link, workers.setdefault(agent.process, WorkerThread())) if agent.is_free else link
-
-
-def _await_gateway_agents(
-    gateway: GatewayAgents,
-    sessions: AgentSessions,
-    events: "queue.SimpleQueue[AgentEvent]",
-    is_interrupted: Callable[[], bool],
-) -> None:
+def _await_gateway_agents(gateway: GatewayAgents, agents: LocalAgents, is_interrupted: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + JOIN_TIMEOUT_S
-    while not is_interrupted() and (absent := sessions.awaited):
-        deadline_s += sessions.renew_deadlines()
+    while not is_interrupted() and (absent := agents.awaited):
+        deadline_s += agents.renew_deadlines()
         if time.monotonic() > deadline_s:
             for name in absent:
-                sessions[name].mark_lost(gateway.describe_absence(name))
+                agents[name].mark_lost(gateway.describe_absence(name))
             return
-        with suppress(queue.Empty):
-            event = events.get(timeout=POLL_PERIOD_S)
-            sessions[event.agent].handle(event)
+        agents.wait()

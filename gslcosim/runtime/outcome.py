@@ -61,15 +61,7 @@ class RunOutcome:
         timing: Mapping[str, Mapping[str, int]],
         summaries: Iterable[Mapping[str, Any]],
     ) -> None:
-        """Take over the verdict and the accounts of agents and services.
-
-        Args:
-            sessions: Those of the agents.
-            verdict: That of the referee; absent where the run ended before one.
-            reached_tick: The last tick of a run without a verdict.
-            timing: Of each service.
-            summaries: Entries of the result, of each service.
-        """
+        """Add the verdict, or the tick reached without one, and the accounts of agents and services."""
         self.verdict = verdict
         self.ticks_flown = verdict.tick if verdict else reached_tick
         self.agent_faults = sessions.faults

@@ -344,7 +344,11 @@ def find_active_run(run: str | None) -> ActiveRun:
         run: The run's id or the beginning of it, or its folder; None is the only one that goes on.
     """
     flights = list_active_runs()
-    fitting = [flight for flight in flights if run is None or _matches(run, flight)]
+    fitting = [
+        flight
+        for flight in flights
+        if run is None or flight.run_id.startswith(run) or os.path.realpath(run) == flight.facts["run_dir"]
+    ]
     if len(fitting) == 1:
         return fitting[0]
     names = ", ".join(flight.run_id for flight in flights) or "none"
@@ -367,10 +371,6 @@ def stop_run(flight: ActiveRun) -> None:
                 f"End its process with `kill -9 {flight.pid}`."
             )
         time.sleep(_POLL_PERIOD_S)
-
-
-def _matches(run: str, flight: ActiveRun) -> bool:
-    return flight.run_id.startswith(run) or os.path.realpath(run) == flight.facts["run_dir"]
 
 
 def _read_all(connection: socket.socket) -> bytes:

@@ -1,6 +1,5 @@
 """Replay of a run: its recorded commands stand in for the agents."""
 
-import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -14,9 +13,7 @@ from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.session import (
-    AgentEvent,
     AgentLost,
-    AgentSessions,
     AgentTransport,
     CommandReceived,
     EventSink,
@@ -24,7 +21,7 @@ from gslcosim.runtime.agents.session import (
     build_session,
 )
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.in_process import InProcessRun
+from gslcosim.runtime.in_process import InProcessRun, LocalAgents
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
@@ -152,22 +149,16 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
-    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    agents = LocalAgents()
     # An agent in free mode was not asked: what took effect when is known of its session alone.
     recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
-    sessions = {
-        agent.name: build_session(
-            agent,
-            recorded if agent.is_free else setup,
-            RecordedTransport(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
-        )
-        for agent in setup.scenario.agents
-    }
-    for session in sessions.values():
-        session.is_ready = True
+    for agent in setup.scenario.agents:
+        commands = None if agent.is_free else past.commands.get(agent.name, {})
+        transport = RecordedTransport(agent.name, commands, agents.events.put)
+        agents[agent.name] = build_session(agent, recorded if agent.is_free else setup, transport)
+        agents[agent.name].is_ready = True
     with Interruption() as interruption:
-        flight = InProcessRun(setup, AgentSessions(sessions), events, report, until_tick=until_tick)
-        return flight.fly(interruption.is_set)
+        return InProcessRun(setup, agents, report, until_tick=until_tick).fly(interruption.is_set)
 
 
 def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Divergence | None, int]:

@@ -155,13 +155,10 @@ def hash_external_core(core: object) -> str:
     if type(core).__module__.startswith("gslcosim."):
         return ""
     try:
-        return _hash(Path(inspect.getfile(type(core))).read_bytes())
+        code = Path(inspect.getfile(type(core))).read_bytes()
+        return hashlib.blake2b(code, digest_size=16).hexdigest()
     except (OSError, TypeError):
         return ""
-
-
-def _hash(data: bytes) -> str:
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
 OBSERVATIONS_FOLDER = "told"
