@@ -101,11 +101,11 @@ class InProcessRun(StepListener):
     def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
-        It pauses before the tick `pause_before_tick` too. Whoever flies an agent by hand answers in the pause.
+        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause.
 
         Args:
-            outcome: What the run has brought in is put into it, in the end.
-            is_interrupted: Is asked again and again whether to go on.
+            outcome: Receives the results at the end.
+            is_interrupted: Returns whether to stop; called repeatedly.
         """
         started = flying_since = time.perf_counter()
         try:
@@ -136,7 +136,7 @@ class InProcessRun(StepListener):
         if outcome.fault is None and self._loop.is_finished:
             outcome.digest = self.digest(outcome.ticks_flown)
 
-    # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
+    # Services begin at the snapshot; agents get the observations before it, in their order.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
@@ -185,7 +185,7 @@ class InProcessRun(StepListener):
             elif not loop.can_any_step():
                 raise GslCosimError(self._explain_stall())
 
-    # Nobody can step, and nobody is waited for: a participant writes other than it declares.
+    # No participant can step and no agent is due: a participant deviates from its declaration.
     def _explain_stall(self) -> str:
         stall = explain_stall(self._participants())
         for stepper in self._loop.steppers:

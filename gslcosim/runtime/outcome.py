@@ -20,7 +20,7 @@ from gslcosim.validity.findings import Validity, assess_run
 
 @dataclass(frozen=True, kw_only=True)
 class ServiceFault:
-    """Why a run is not valid: who failed, at which tick, and how."""
+    """Fault that makes a run invalid: the participant, its last tick, and the reason."""
 
     participant: str
     tick: int
@@ -41,15 +41,15 @@ class RunOutcome:
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
     is_interrupted: bool = False
-    # Whether the run ended where it was asked to, before its verdict.
+    # True where the run ended at the requested tick, before its verdict.
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # Summaries of participants, by key of the result.
     summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    # What each decision of an agent took by the clock.
+    # Wall time of each decision of an agent [s].
     decisions_s: list[float] = field(default_factory=list[float])
-    # By agent what its process was confined by.
+    # Confinement of each agent's process, by agent.
     sandboxes: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def collect(
@@ -75,7 +75,7 @@ class RunOutcome:
         return self.verdict is not None and self.digest is not None and self.fault is None and not self.is_interrupted
 
     def require_reason(self) -> None:
-        """Put the supervisor at fault where nothing gives a reason why the run has ended."""
+        """Put the supervisor at fault for an end without a reason."""
         if not (self.is_valid or self.is_interrupted or self.is_cut) and self.fault is None:
             lacking = "a verdict" if self.verdict is None else "a digest"
             text = f"expected a verdict and a digest, an interruption or a fault, found none: {lacking} is missing."
@@ -95,7 +95,7 @@ class RunOutcome:
         return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
 
     def assess(self, scenario: Scenario, environments: Sequence[Path], manifest: RunManifest | None = None) -> Validity:
-        """Return what speaks for or against the run's figures.
+        """Return the findings for or against the run's figures.
 
         Args:
             environments: The folder of its environment, and those that events made of it.
@@ -140,7 +140,7 @@ class RunOutcome:
             "timing_us_per_tick": {name: _get_per_tick_us(timing) for name, timing in self.timing.items()},
         }
 
-    # With what each was set to and granted, without which its figures cannot be compared with another's.
+    # With the settings and grants of each, without which figures of two runs cannot be compared.
     def _agents(self, scenario: Scenario) -> list[dict[str, Any]]:
         specs, methods = {agent.name: agent for agent in scenario.agents}, scenario.methods
         return [

@@ -32,7 +32,7 @@ LATE_AFTER_S = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatus:
-    """One moment of a run, for a person to watch.
+    """Status of a run at one moment.
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
@@ -96,14 +96,14 @@ class StatusReporter:
 
 
 SOCKET_SUFFIX = ".flight"
-# A run that stands still for so long is explained to who looks.
+# A run that stands still for so long gets an explanation.
 STALL_SHOWN_AFTER_S = 3.0
 _SEND_TIMEOUT_S = 1.0
 _BACKLOG = 16
 
 
 def get_status_folder() -> Path:
-    """Return where the windows of this user's runs are; it need not exist."""
+    """Return the folder of the sockets of this user's runs; it need not exist."""
     user_id = 0 if sys.platform == "win32" else os.getuid()
     return Path(tempfile.gettempdir()) / f".gslcosim-flights-{user_id}"
 
@@ -222,7 +222,7 @@ class StatusServer:
                 connection.sendall(json.dumps(self._answer(connection)).encode())
 
 
-# Of runs that were killed: nobody listens there any more.
+# Sockets of killed runs, on which no process listens.
 def _remove_stale(folder: Path) -> None:
     for window in folder.glob(f"*{SOCKET_SUFFIX}"):
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
@@ -269,7 +269,7 @@ class _RunFacts(TypedDict):
     stall: NotRequired[str]
 
 
-# Of a run whose process stands still.
+# Facts of a run whose process stands still.
 _UNKNOWN_FACTS: dict[str, Any] = {
     **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
     **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
@@ -280,7 +280,7 @@ _UNKNOWN_FACTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class ActiveRun:
-    """Run that goes on now.
+    """Active run.
 
     `facts` are those of `StatusServer.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
     behind the window, as the system says and not the run.
@@ -298,7 +298,7 @@ class ActiveRun:
 
 
 def list_active_runs() -> list[ActiveRun]:
-    """Return the runs of this user that go on now, the oldest first; windows of killed runs are removed."""
+    """Return the active runs of this user, the oldest first; sockets of killed runs are removed."""
     found = [query_status(window) for window in get_status_folder().glob(f"*{SOCKET_SUFFIX}")]
     return sorted((flight for flight in found if flight is not None), key=lambda flight: flight.facts["began_at"])
 
@@ -338,7 +338,7 @@ def query_status(window: Path) -> ActiveRun | None:
 
 
 def find_active_run(run: str | None) -> ActiveRun:
-    """Return the run that a person names.
+    """Return the active run of an id or folder.
 
     Args:
         run: The run's id or the beginning of it, or its folder; None is the only one that goes on.

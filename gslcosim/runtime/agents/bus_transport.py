@@ -24,15 +24,15 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
 
 MAX_QUEUED_BYTES = 32 * 1024 * 1024
-_EVENT_BYTES = 256  # what even an empty message costs while it waits
+_EVENT_BYTES = 256  # cost of an empty message while it waits
 
 
 class BusTransport(AgentTransport):
     """Transport to an agent that is a process on the bus, which gets briefing and observations from their writer.
 
-    So only what may have got lost is sent from here. The bus calls `on_command` and `on_longer` on one thread;
-    `handled` is called on another. What an agent sends faster than it can be judged is dropped beyond
-    `MAX_WAITING_BYTES`, and told once.
+    Only messages that may have got lost are sent from here. The bus calls `on_command` and `on_longer` on one thread;
+    `acknowledge` is called on another. Beyond `MAX_QUEUED_BYTES`, commands that come faster than they can be judged
+    are dropped, which is reported once.
     """
 
     is_lossy = True
@@ -46,11 +46,11 @@ class BusTransport(AgentTransport):
         self._received_bytes = 0
         self._handled_bytes = 0
         self._has_reported = False
-        # While nobody else writes what the agent is sent, because it lies before the tick at which the run goes on.
+        # True while past observations are sent from here: sensing resumes at the snapshot.
         self.is_writer = False
 
     def listen(self) -> None:
-        """Hear the agent from now on."""
+        """Subscribe to the agent's commands."""
         key = keys.raw_command(self._agent)
         self._bus.subscribe(key, self.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=self.on_longer)
 
@@ -109,7 +109,7 @@ class AgentHost:
 
     Args:
         on_resent: Receives, on any thread, an observation that was asked for again.
-        more_ticks: For so many ticks more commands are kept for who has missed them.
+        more_ticks: Further ticks for which commands are kept for readers that missed them.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class AgentHost:
         session.deliver = self._publish
 
     def listen(self) -> None:
-        """Answer who missed a command."""
+        """Answer readers that missed a command."""
         self._bus.answer(protocol.build_resend_key(self._name), self._kept.answer)
         self._bus.answer(
             protocol.build_finished_key(self._name),
@@ -145,7 +145,7 @@ class AgentHost:
             question = protocol.ResendRequest(port=keys.observation(self.session.agent), tick=tick).to_bytes()
             self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
 
-    # The agent is sent the bytes as they are, so nobody has to look at the rest.
+    # The agent gets the bytes as they are, so only the head is decoded.
     def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
         self.session.observe(head, payload)
         if head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
@@ -165,10 +165,10 @@ def replay_observations(
     Sensing briefs them in the same words when it goes on; that is a repetition.
 
     Args:
-        links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
+        links: Transports of the agents on the bus, which otherwise get their messages from sensing.
 
     Yields:
-        Whenever somebody owes an answer, so that it can be heard.
+        While an agent owes an answer, so that the caller handles events.
     """
     snapshot, scenario = setup.snapshot, setup.scenario
     if snapshot is None:

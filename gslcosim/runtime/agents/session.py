@@ -27,7 +27,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 @dataclass(frozen=True, kw_only=True)
 class AgentJoined:
-    """The agent can be spoken to."""
+    """The agent has joined and can receive messages."""
 
     agent: str
 
@@ -43,7 +43,7 @@ class CommandReceived:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandRefused:
-    """Something came that is no command, and why."""
+    """An agent sent something that is no command, and the reason."""
 
     agent: str
     text: str
@@ -51,7 +51,7 @@ class CommandRefused:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerMissed:
-    """The agent has said all that it says to an observation; what it still owes then never comes."""
+    """The agent has finished with an observation; an answer that it still owes never comes."""
 
     agent: str
     text: str
@@ -59,7 +59,7 @@ class AnswerMissed:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentLost:
-    """The agent says nothing any more, and why. It comes once and last."""
+    """The agent sends nothing any more, and the reason. This event comes once and last."""
 
     agent: str
     reason: str
@@ -76,8 +76,8 @@ ObservationOrHead = Observation | codec.ObservationHead
 class AgentTransport(Protocol):
     """Transport of messages to one agent; its answers come back as events, on any thread.
 
-    `is_lossy` says that a message may get lost on its way, so that questions have to be repeated.
-    Messages come with their canonical bytes; a link uses what it needs.
+    A transport that `is_lossy` may lose a message, so that questions have to be repeated.
+    Messages come with their canonical bytes; a transport uses either.
     """
 
     is_lossy: bool = False
@@ -93,14 +93,14 @@ class AgentTransport(Protocol):
         """Send the briefing and the last question again; nothing where no message gets lost."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Take note that what the agent said has been judged, so that it may say more, where it waits for that."""
+        """Take note that an answer has been judged, so that the agent may send more where it waits for that."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run."""
 
 
 class ObjectTransport(AgentTransport):
-    """Transport to an agent object in this process: it answers at once or never; whatever it raises is a result."""
+    """Transport to an agent object in this process, which answers at once or never; an exception is a result."""
 
     def __init__(self, name: str, agent_type: type[Agent], put: EventSink) -> None:
         self._name = name
@@ -117,7 +117,7 @@ class ObjectTransport(AgentTransport):
             self._fail("the agent failed at its briefing", error)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent look, and decide where it is asked; see `AgentTransport`."""
+        """Let the agent observe, and decide where a command is due; see `AgentTransport`."""
         agent = self._agent
         if not isinstance(observation, Observation):
             observation = codec.decode_trusted(Observation, payload)
@@ -137,7 +137,7 @@ class ObjectTransport(AgentTransport):
             return
         try:
             self._agent.end(ending.reason)
-        except (Exception, SystemExit):  # the run is over; nothing an agent does now counts
+        except (Exception, SystemExit):  # the run is over
             return
 
     def _ask(self, agent: Agent, observation: Observation) -> None:
@@ -155,12 +155,12 @@ class ObjectTransport(AgentTransport):
         self._put(AgentLost(agent=self._name, reason=f"{text}: {trace.strip()}"))
 
 
-# An agent that still thinks when the run is over is left to itself.
+# An agent that still decides after that is left to itself.
 END_TIMEOUT_S = 2.0
 
 
 class WorkerThread:
-    """A thread that does one thing after another; agents of one process share it, as they share a process elsewhere."""
+    """Thread that does one task after another, for agents that are one process when they are not objects."""
 
     def __init__(self) -> None:
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -168,14 +168,14 @@ class WorkerThread:
         self._has_begun = False
 
     def do(self, task: Callable[[], None]) -> None:
-        """Let the thread do something after all that it was given before."""
+        """Queue a task for the thread."""
         if not self._has_begun:
             self._has_begun = True
             self._thread.start()
         self._tasks.put(task)
 
     def finish(self) -> None:
-        """Wait until all is done, but not for ever."""
+        """Wait until all tasks are done, at most `END_TIMEOUT_S`."""
         if self._has_begun:
             self._tasks.put(None)
             self._thread.join(END_TIMEOUT_S)
@@ -188,7 +188,7 @@ class WorkerThread:
 class ThreadedTransport(AgentTransport):
     """Transport that lets an agent object decide on a worker's thread, while time goes on; see `AgentTransport`.
 
-    An agent that is slower than time sees every observation, but of the questions it is asked the last one alone.
+    An agent that is slower than time gets every observation, but decides on the latest question alone.
     """
 
     def __init__(self, link: ObjectTransport, worker: WorkerThread) -> None:
@@ -202,7 +202,7 @@ class ThreadedTransport(AgentTransport):
         self._worker.do(lambda: self._link.brief(briefing, payload))
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent look, and decide unless there is something newer by then; see `AgentTransport`."""
+        """Let the agent observe, and decide unless a newer question has come; see `AgentTransport`."""
         if observation.awaiting_command:
             self._newest_question = observation.tick
         self._worker.do(lambda: self._look(codec.decode(Observation, payload), payload))
@@ -222,7 +222,7 @@ class ThreadedTransport(AgentTransport):
 
 
 class SteppedTransport(AgentTransport):
-    """Transport to an agent that the caller of a stepped run commands; it keeps what the agent gets and is asked."""
+    """Transport to an agent that the caller of a stepped run commands; it keeps briefing, observation and questions."""
 
     def __init__(self) -> None:
         self.briefing: Briefing | None = None
@@ -284,7 +284,7 @@ class AgentSession:
 
     @property
     def state(self) -> ParticipantState:
-        """State of the agent for a person to watch."""
+        """State of the agent in a run's status."""
         return "joining" if self.is_awaited else "deciding" if self.is_pending else "waiting"
 
     @property
@@ -294,7 +294,7 @@ class AgentSession:
 
     @property
     def is_awaited(self) -> bool:
-        """True when the run cannot start without the agent; one that is known to be lost is not waited for."""
+        """True when the run cannot start without the agent; a lost one is not waited for."""
         return not (self.is_ready or self.validator.faults)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
@@ -313,7 +313,7 @@ class AgentSession:
         self.transport.observe(observation, payload)
 
     def handle(self, event: AgentEvent) -> None:
-        """Take what the agent did."""
+        """Handle an event of the agent."""
         match event:
             case AgentJoined():
                 self.is_ready = True
@@ -342,7 +342,7 @@ class AgentSession:
             self.transport.repeat()
 
     def extend_deadlines(self, missed_s: float) -> None:
-        """Let the agent have its time again that this process has missed [s]."""
+        """Add the time [s] in which this process stood still to the agent's deadline."""
         if self._asked_at_s is not None:
             self._asked_at_s = min(self._asked_at_s + missed_s, time.monotonic())
 
@@ -362,7 +362,7 @@ class AgentSession:
         if self._asked_at_s is not None:
             waited_s = time.monotonic() - self._asked_at_s
             self.decisions_s.append(waited_s if decided_in_s is None else decided_in_s)
-            # What is run again was decided before.
+            # A repeated command was decided before.
             if decided_in_s != 0.0:
                 asked_tick = commands[0].tick if commands else self.last_tick
                 self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])
@@ -426,7 +426,7 @@ class AgentSessions(dict[str, AgentSession]):
         return {keys.command(name): session.trail for name, session in self.items()}
 
     def look(self) -> list[ParticipantStatus]:
-        """Return one moment of all agents."""
+        """Return the status of all agents."""
         return [
             ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
             for name, session in self.items()

@@ -37,14 +37,12 @@ from gslcosim.runtime.status import RunStatus, StatusReporter
 from gslcosim.runtime.stepper import SnapshotPolicy
 from gslcosim.scenario.models.scenario import AgentSpec
 
-# Who has not answered by then is silent: it is stopped, or its process has too much to do.
+# A participant without an answer by then is silent: it is stopped, or its process has too much to do.
 INSPECTION_TIMEOUT_S = 0.5
-
-
 POLL_PERIOD_S = 0.1
 # A service that has started or ended ignores the next signal.
 SIGNAL_PERIOD_S = 1.0
-# Between two looks at the clock, however many messages an agent sends.
+# Limit between two checks of deadlines, for an agent that sends without end.
 MAX_EVENTS_AT_ONCE = 256
 
 
@@ -59,7 +57,7 @@ class RunEndedError(Exception):
 class Supervisor:
     """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name.
 
-    What it hears comes as events from many threads and is handled on the one that calls `fly`.
+    Events come from many threads and are handled on the one that calls `fly`.
     """
 
     def __init__(
@@ -103,14 +101,14 @@ class Supervisor:
         return self._started_at_s is not None
 
     def listen(self) -> None:
-        """Hear services and agents from now on."""
+        """Subscribe to services and agents."""
         bus = self._bus
         for name, host in self._agent_hosts.items():
             bus.subscribe(keys.briefing(name), self._put)
             host.listen()
         for link in self._bus_links.values():
             link.listen()
-        # Observations and the verdict come in the bundles of those who write them.
+        # Observations and the verdict come in their writers' bundles.
         for name in ("sensing", "referee"):
             bus.subscribe(protocol.build_outgoing_bundles_key(name), self._put)
         bus.subscribe(protocol.FAULT_KEY, self._put)
@@ -124,7 +122,7 @@ class Supervisor:
         self._events.put(MessageReceived(key, payload))
 
     def await_all_ready(self, interruption: Interruption) -> None:
-        """Wait until all services and agents are there, or interruption."""
+        """Wait until all services and agents have joined, or for an interruption."""
         began_s = time.monotonic()
         while lacking := self._not_ready():
             if interruption.is_set():
@@ -139,7 +137,7 @@ class Supervisor:
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
-        """Let simulated time begin, and watch until all services are done and have been heard out, or interruption."""
+        """Start simulated time, and watch until all services have sent their last message, or an interruption."""
         if interruption.is_set():
             return
         self._started_at_s = time.perf_counter()
@@ -158,18 +156,18 @@ class Supervisor:
                 state = "flying" if self._verdict is None else "closing"
                 self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)
         except RunEndedError:
-            # Where what comes before a fault can not be finished, that is still the cause.
+            # The fault remains the cause where the ticks before it cannot be finished.
             self._raise_fault()
             raise
         self._raise_fault()
 
-    # A verdict before it is the end of the run; one that was given beyond it never was.
+    # A verdict before the fault ends the run; a later one does not count.
     def _raise_fault(self) -> None:
         if self._fault is not None and (self._verdict is None or self._verdict.tick > self._fault.tick):
             self._verdict = None
             raise RunEndedError(self._fault)
 
-    # A service that lost the start would wait for it, and one that lost the stop would go on, until the run times out.
+    # A service that missed the start would wait, and one that missed the stop would go on, until the run times out.
     def _repeat_signals(self) -> None:
         now_s = time.monotonic()
         if now_s - self._signalled_at_s < SIGNAL_PERIOD_S:
@@ -190,7 +188,7 @@ class Supervisor:
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
-        """Add to the outcome what services and agents have left: verdict, faults, timing, digest."""
+        """Add verdict, faults, timing and digest to the outcome."""
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
         reports, verdict = self._watchdog.final_reports, self._verdict
@@ -222,7 +220,7 @@ class Supervisor:
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
         return AgentHost(session, self._bus, lambda got: self._put(keys.observation(agent.name), got), more_ticks)
 
-    # Services are asked only when a client wants to see them; on any thread.
+    # Services are queried only for a client of the status; on any thread.
     def _look(self) -> list[ParticipantStatus]:
         answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         asked = [name for name in self._services if name not in self._watchdog.final_reports]
@@ -249,7 +247,7 @@ class Supervisor:
         state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
         return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
 
-    # ------------------------------------------------------------ what it hears
+    # ------------------------------------------------------------ events
 
     def _handle_next(self) -> None:
         try:
@@ -278,14 +276,14 @@ class Supervisor:
             case _:
                 self._sessions[event.agent].handle(event)
 
-    # A service that ends by itself reports why, but its end may be seen before that has come over the bus.
+    # A service that ends by itself reports the reason, but its end may be detected before the report has come.
     def _take_last_messages(self) -> None:
         deadline_s = time.monotonic() + LOST_CONTACT_GRACE_S
         while (left_s := deadline_s - time.monotonic()) > 0:
             with suppress(queue.Empty):
                 self._handle(self._events.get(timeout=left_s))
 
-    # A name that is none of the run's comes from a host that lies; it has no handler.
+    # A name that is none of the run's comes from a hostile host; it has no handler.
     def _on_message(self, key: str, payload: bytes) -> None:
         if key.startswith(protocol.BUNDLE_PREFIX):
             for port, message in protocol.unpack_bundle(payload):
@@ -329,7 +327,7 @@ class Supervisor:
             if is_alive:
                 self._sessions[name].handle(AgentJoined(agent=name))
             else:
-                # Its process may have ended too; that says more, and comes within a moment.
+                # The end of its process, which explains more, may come within a moment.
                 self._departed_at_s.setdefault(name, time.monotonic())
         elif name not in self._watchdog:
             return
@@ -360,7 +358,7 @@ class Supervisor:
     def _on_final_report(self, payload: bytes) -> None:
         report = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
-        # It is sent again until the end of the run, and so is the question.
+        # The report is repeated until the end of the run, and the question with it.
         for overdue in self._list_overdue():
             if overdue.writer == report.name:
                 question = protocol.ResendRequest(port=overdue.port, tick=overdue.tick).to_bytes()
@@ -370,8 +368,8 @@ class Supervisor:
                     lambda _, answer, port=overdue.port: self._put(port, answer),
                 )
 
-    # What services that are done have written and what has not come: each subscription has a thread of its own, so that
-    # a final report may overtake it.
+    # Messages that finished services have written and that have not come: each subscription has a thread of its own, so
+    # that a final report may overtake them.
     def _list_overdue(self) -> list[MissingMessage]:
         reports, verdict = self._watchdog.final_reports, self._verdict
         if verdict is None:
@@ -411,7 +409,7 @@ class Supervisor:
                 raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
             self._sessions[name].mark_lost(self._gateway.describe_absence(name))
 
-    # While this process stood still no service was late; one that has left has left.
+    # No service was late while this process stood still.
     def _renew(self) -> float:
         missed_s = self._sessions.renew_deadlines()
         if missed_s > 0:

@@ -36,9 +36,9 @@ from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayResult:
-    """A run run again: the run, and where it differs from the past one; `n_ticks` of both were compared.
+    """Replayed run, and its first difference from the past one; `n_ticks` of both were compared.
 
-    `snapshot` is where it was run from, absent where from the start; `note` says why one that is there was not used.
+    The run began at `snapshot`, or without one at its start; `note` is the reason why an existing one was not used.
     """
 
     flight: RunResult
@@ -65,7 +65,7 @@ class RecordedTransport(AgentTransport):
         self._put = put
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Answer where the agent was asked."""
+        """Answer where a command was due."""
         del payload
         if not observation.awaiting_command or self._commands is None:
             return
@@ -91,13 +91,13 @@ def replay_run(
 ) -> ReplayResult:
     """Repeat a run in this process, without its agents, and compare it with the past one to the bit.
 
-    A run that came to no verdict is run as far as all its services had come.
+    A run without a verdict is replayed up to the last tick of all its services.
 
     Args:
         recording: Keys of the scenario's `recording` that are others now, such as `from_s`.
-        until_s: Where to end [s of simulated time]; absent: where the run ended.
-        snapshots_every_s: Take snapshots so often; absent: as the run did.
-        uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
+        until_s: End [s of simulated time]; absent: that of the run.
+        snapshots_every_s: Period of snapshots [s]; absent: that of the run.
+        uses_snapshots: Allows a start at a snapshot before `recording.from_s`, where there is one.
     """
     past.check_flown_here()
     began = time.perf_counter()
@@ -150,7 +150,7 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
     agents = LocalAgents()
-    # An agent in free mode was not asked: what took effect when is known of its session alone.
+    # An agent in free mode has no due commands: only its session recorded the ticks of its commands.
     recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
     for agent in setup.scenario.agents:
         commands = None if agent.is_free else past.commands.get(agent.name, {})

@@ -52,7 +52,7 @@ def build_state_adapter(core: Core) -> SupportsSnapshots:
 SCHEMA = "gslcosim/snapshot/1"
 SNAPSHOTS_FOLDER = "snapshots"
 _SNAPSHOT_SUFFIX = ".snap"
-# What a state is made of, and what computes what follows from it.
+# Code that holds states, and code that computes from them.
 _STATE_CODE = (
     *(f"gslcosim_services/{name}" for name in ("cameras", "events", "fields", "radio", "referee", "sensing", "world")),
     *(f"gslcosim/{name}" for name in (
@@ -102,7 +102,7 @@ class SnapshotPart:
     """State with which one participant resumes before the step of `tick`.
 
     `state` is that of its core, `memory` that of its gate, `trails` are its chains of hashes by port, and `outputs` the
-    messages, as (port, payload), that somebody may still need. `made_by` hashes the code of a core of another package.
+    messages, as (port, payload), that a reader may still need. `made_by` hashes the code of a core of another package.
     """
 
     participant: str
@@ -129,7 +129,7 @@ class SnapshotPart:
         """Return what a file holds.
 
         Args:
-            is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
+            is_of_this_run: True where the run that has written it goes on: then it needs no signature.
         """
         try:
             head, body = _msgpack.unpackb(data)
@@ -151,7 +151,7 @@ class SnapshotPart:
 
 
 def hash_external_core(core: object) -> str:
-    """Return a hash of the file of a core of another package, whose version says nothing; empty for our own."""
+    """Return a hash of the file of a core of another package; empty for our own, which have a version."""
     if type(core).__module__.startswith("gslcosim."):
         return ""
     try:
@@ -232,7 +232,7 @@ class Snapshot:
         return _load_part(self.folder, participant)
 
     def messages(self, dataflow: Dataflow) -> list[tuple[str, Message]]:
-        """Return the messages that somebody may still need, with their ports."""
+        """Return the messages that a reader may still need, with their ports."""
         return [
             (port, codec.decode(dataflow.message_types[port], payload))
             for spec in dataflow.participants
@@ -273,7 +273,7 @@ def find_nearest_snapshot(
     """Return the last snapshot at or before a tick that can be used, or why there is none, as a sentence.
 
     Args:
-        scenario: The run's; what its agents were sent must be there too.
+        scenario: The run's, with whose agents' observations the snapshot is complete.
     """
     folders = [folder for folder in _list_folders(run_dir) if int(folder.name) <= until_tick]
     reason = ""
