@@ -14,6 +14,7 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from gslcosim.base.errors import GslCosimError, cut_contract_frames
 from gslcosim.bus.interface import AGENT_VARIABLE, JOIN_VARIABLE, Bus, JoinData
 from gslcosim.contract import codec, keys
+from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.contract.schema import check_contract, format_own_contract
 
@@ -176,8 +177,6 @@ class AgentGroup:
             self._leave(member.name)
 
 
-# The names of the agents that a process behind the gateway flies, separated by commas.
-_LENGTH_BYTES = 4
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 
@@ -216,7 +215,8 @@ def answer_frames(
         send=lambda name, answer: _write_frame(output, _add_agent_name(name, answer) if len(names) > 1 else answer),
         leave=failures.append,
     )
-    while not failures and (fields := _read_frame(source)) is not None:
+    while not failures and (frame := read_frame(source)) is not None:
+        fields: dict[str, Any] = _msgpack.unpackb(frame, use_list=False)
         kind = fields.pop("message", None)
         if kind == "Ending":
             group.end(codec.build_message(Ending, fields).reason)
@@ -232,16 +232,8 @@ def answer_frames(
     group.end("the link to the run was lost")
 
 
-def _read_frame(source: BinaryIO) -> dict[str, Any] | None:
-    head = source.read(_LENGTH_BYTES)
-    if len(head) < _LENGTH_BYTES:
-        return None
-    body = source.read(int.from_bytes(head, "big"))
-    return _msgpack.unpackb(body, use_list=False)
-
-
 def _write_frame(output: BinaryIO, payload: bytes) -> None:
-    left = len(payload).to_bytes(_LENGTH_BYTES, "big") + payload
+    left = prefix_length(payload)
     while left:
         left = left[output.write(left) or 0 :]
 

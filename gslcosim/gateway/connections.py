@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault
+from gslcosim.contract.length_prefix import LENGTH_BYTES
 from gslcosim.contract.messages import Message
 from gslcosim.gateway.frame_codec import (
-    LENGTH_BYTES,
     FrameFormat,
     FrameOrRefusal,
     RefusedFrame,

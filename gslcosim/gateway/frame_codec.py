@@ -13,11 +13,11 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
+from gslcosim.contract.length_prefix import LENGTH_BYTES, prefix_length
 from gslcosim.contract.messages import Command, Message
 
 FrameFormat = Literal["msgpack", "json"]
 
-LENGTH_BYTES = 4
 MAX_FRAME_BYTES = 1024 * 1024
 MAX_SKIPPED_BYTES = 128 * 1024 * 1024
 MESSAGE_KEY = "message"
@@ -205,11 +205,6 @@ def _decode_line(name: str, line: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise ContractError(f"expected one JSON object a line, was {_format_start(line)}.")
     return cast(dict[str, Any], fields)
-
-
-def prefix_length(payload: bytes) -> bytes:
-    """Return bytes behind their length."""
-    return len(payload).to_bytes(LENGTH_BYTES, "big") + payload
 
 
 # The map's other bytes stay as they are: only its count of keys grows by one.

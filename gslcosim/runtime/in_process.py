@@ -3,45 +3,35 @@
 import queue
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
-from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
-from gslcosim.base.files import ScratchFolder
 from gslcosim.base.processes import Interruption
-from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
 from gslcosim.runtime.agents.session import (
     AgentEvent,
-    AgentSession,
+    AgentSessions,
     AgentTransport,
-    EventSink,
     ObjectTransport,
     ThreadedTransport,
     WorkerThread,
-    build_agent_statuses,
     build_session,
 )
-from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
-from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
-from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
 from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.stepper import SentMessage, StepLoop, Stepper
-from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.runtime.status import RunStatus, StatusReporter
+from gslcosim.runtime.stepper import SentMessage, StepListener, StepLoop, Stepper
 
 REPORT_EVERY_TICKS = 64
 POLL_PERIOD_S = 0.1
@@ -50,7 +40,26 @@ MessageObserver = Callable[[str, Message], None]
 _Kind = TypeVar("_Kind")
 
 
-class InProcessRun:
+class LocalAgents(AgentSessions):
+    """Sessions of agents whose events wait in a queue of this process."""
+
+    def __init__(self) -> None:
+        super().__init__({})
+        self.events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+
+    def handle_waiting(self) -> None:
+        """Handle the events that are there: one round, so that an endless talker does not stop the run."""
+        for _ in range(self.events.qsize()):
+            self.wait(0.0)
+
+    def wait(self, timeout_s: float = POLL_PERIOD_S) -> None:
+        """Wait for the next event, but no longer than the timeout, and handle it."""
+        with suppress(queue.Empty):
+            event = self.events.get(timeout=timeout_s)
+            self[event.agent].handle(event)
+
+
+class InProcessRun(StepListener):
     """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
@@ -63,24 +72,23 @@ class InProcessRun:
     def __init__(
         self,
         setup: RunSetup,
-        sessions: Mapping[str, AgentSession],
-        events: "queue.SimpleQueue[AgentEvent]",
+        agents: LocalAgents,
         report: Callable[[RunStatus], None],
         watch: MessageObserver | None = None,
         until_tick: int | None = None,
     ) -> None:
         self._watch = watch
-        self._events = events
-        self._sessions = sessions
+        self._agents = agents
         self._setup = setup
-        self._report = report
-        self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
-        self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._participants)
+        self._observed_by = {keys.observation(name): session for name, session in agents.items()}
+        self._briefed_by = {keys.briefing(name): session for name, session in agents.items()}
+        for session in agents.values():
+            session.deliver = self._deliver_command
         self._dataflow, cores = build_all_cores(setup)
         self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
         self.pause_before_tick: int | None = None
         self._verdict: Verdict | None = None
-        self._pauses = PauseDetector()
         self._reported_tick = -1
 
     def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
@@ -93,11 +101,11 @@ class InProcessRun:
     def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
-        It pauses before the tick `pause_before_tick` too. Whoever flies an agent by hand answers in the pause.
+        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause.
 
         Args:
-            outcome: What the run has brought in is put into it, in the end.
-            is_interrupted: Is asked again and again whether to go on.
+            outcome: Receives the results at the end.
+            is_interrupted: Returns whether to stop; called repeatedly.
         """
         started = flying_since = time.perf_counter()
         try:
@@ -117,23 +125,24 @@ class InProcessRun:
         outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
-        outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
-        outcome.verdict = self._verdict
-        outcome.decisions_s = [taken_s for session in self._sessions.values() for taken_s in session.decisions_s]
-        outcome.agent_faults = collect_faults(session.validator for session in self._sessions.values())
         steppers = self._loop.steppers
-        outcome.timing = {stepper.spec.name: stepper.timing.as_fields() for stepper in steppers}
-        outcome.summary = {key: value for stepper in steppers for key, value in self._loop.summarize(stepper).items()}
+        outcome.collect(
+            self._agents,
+            verdict=self._verdict,
+            reached_tick=self._tick,
+            timing={stepper.spec.name: stepper.timing.as_fields() for stepper in steppers},
+            summaries=map(self._loop.summarize, steppers),
+        )
         if outcome.fault is None and self._loop.is_finished:
             outcome.digest = self.digest(outcome.ticks_flown)
 
-    # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
+    # Services begin at the snapshot; agents get the observations before it, in their order.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
-                self._deliver_commands(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
-                self._handle_agent_events()
-            while any(session.is_pending for session in self._sessions.values()) and not is_interrupted():
+                self._agents[agent].observe(codec.decode_observation_head(payload), payload)
+                self._agents.handle_waiting()
+            while self._agents.are_pending and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
                 return
@@ -159,7 +168,7 @@ class InProcessRun:
     def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
         loop = self._loop
         while not loop.is_finished and not is_interrupted():
-            self._handle_agent_events()
+            self._agents.handle_waiting()
             if (
                 self.pause_before_tick is not None
                 and self.is_between_ticks
@@ -168,16 +177,15 @@ class InProcessRun:
                 yield
             elif loop.step():
                 self._report_if_due(started)
-            elif any(session.is_pending for session in self._sessions.values()):
+            elif self._agents.are_pending:
                 yield
                 self._wait_for_agent()
             elif (wait_s := loop.pace_wait_s) > 0:
-                with suppress(queue.Empty):
-                    self._handle_event(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
+                self._agents.wait(min(wait_s, POLL_PERIOD_S))
             elif not loop.can_any_step():
                 raise GslCosimError(self._explain_stall())
 
-    # Nobody can step, and nobody is waited for: a participant writes other than it declares.
+    # No participant can step and no agent is due: a participant deviates from its declaration.
     def _explain_stall(self) -> str:
         stall = explain_stall(self._participants())
         for stepper in self._loop.steppers:
@@ -186,46 +194,21 @@ class InProcessRun:
         return f"no participant can step.\n{stall.text if stall else ''}"
 
     def _wait_for_agent(self) -> None:
-        self._renew()
-        with suppress(queue.Empty):
-            self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
-        self._renew()
-        for session in self._sessions.values():
-            self._deliver_commands(session.check_deadline())
-
-    # While this process stood still no agent was late.
-    def _renew(self) -> None:
-        if missed_s := self._pauses.missed_s(time.monotonic()):
-            for session in self._sessions.values():
-                session.extend_deadlines(missed_s)
-
-    # One round, so that an agent that never stops talking does not stop the run.
-    def _handle_agent_events(self) -> None:
-        for _ in range(self._events.qsize()):
-            self._handle_event(self._events.get())
-
-    def _handle_event(self, event: AgentEvent) -> None:
-        self._deliver_commands(self._sessions[event.agent].handle(event))
+        self._agents.renew_deadlines()
+        self._agents.wait()
+        self._agents.renew_deadlines()
+        self._agents.check_deadlines()
 
     def _report_if_due(self, started: float) -> None:
         tick = self._tick
         if tick == self._reported_tick or (tick % REPORT_EVERY_TICKS and not self._loop.is_paced):
             return
         self._reported_tick = tick
-        sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
-        wall_s = max(time.perf_counter() - started, 1e-9)
-        self._report(
-            RunStatus(
-                state="flying",
-                sim_time_s=sim_time_s,
-                real_time_factor=sim_time_s / wall_s,
-                participants=self._participants,
-            )
-        )
+        self._status_reporter.report_run("flying", tick, time.perf_counter() - started)
 
     # On the caller's thread, while a core may be in its step.
     def _participants(self) -> list[ParticipantStatus]:
-        return [*(stepper.look() for stepper in self._loop.steppers), *build_agent_statuses(self._sessions)]
+        return [*(stepper.look() for stepper in self._loop.steppers), *self._agents.look()]
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
@@ -235,26 +218,19 @@ class InProcessRun:
             if self._watch is not None:
                 self._watch(port, message)
             if isinstance(message, Observation):
-                self._deliver_commands(self._observed_by[port].observe(message, sent.payload))
+                self._observed_by[port].observe(message, sent.payload)
                 # An object has answered by now.
-                self._handle_agent_events()
+                self._agents.handle_waiting()
             elif isinstance(message, Briefing):
                 self._briefed_by[port].brief(message, sent.payload)
-                self._handle_agent_events()
+                self._agents.handle_waiting()
             elif isinstance(message, Verdict):
                 self._verdict = message
 
-    def before_snapshot(self, stepper: Stepper) -> None:
-        """Do nothing: nothing is on its way; see `StepListener`."""
-
-    def after_step(self, stepper: Stepper) -> None:
-        """Do nothing: nobody elsewhere counts on it; see `StepListener`."""
-
-    def _deliver_commands(self, commands: Iterable[SentMessage]) -> None:
-        for sent in commands:
-            if self._watch is not None:
-                self._watch(sent.port, sent.message)
-            self._loop.deliver(sent.port, sent.message)
+    def _deliver_command(self, sent: SentMessage) -> None:
+        if self._watch is not None:
+            self._watch(sent.port, sent.message)
+        self._loop.deliver(sent.port, sent.message)
 
     def _close(self, outcome: RunOutcome) -> None:
         for stepper in self._loop.steppers:
@@ -264,22 +240,12 @@ class InProcessRun:
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
-        for session in self._sessions.values():
-            session.end(build_ending(self._verdict))
+        self._agents.end(self._verdict)
 
     def digest(self, final_tick: int) -> RunDigest:
         """Return the digest of the run up to a tick that all participants have finished."""
         trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
-        trails |= {keys.command(name): session.trail for name, session in self._sessions.items()}
-        return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AgentHost:
-    """Agents of a run in this process: their sessions, and the queue of what they do."""
-
-    sessions: Mapping[str, AgentSession]
-    events: "queue.SimpleQueue[AgentEvent]"
+        return RunDigest.of(trails | self._agents.trails, self._dataflow.writer_of, final_tick)
 
 
 @contextmanager
@@ -290,7 +256,7 @@ def host_agents(
     *,
     commanded: Mapping[str, AgentTransport] = MappingProxyType({}),
     is_interrupted: Callable[[], bool] = lambda: False,
-) -> Generator[AgentHost]:
+) -> Generator[LocalAgents]:
     """Start the agents of a run: Python agents as objects in this process, agents behind the gateway as processes.
 
     Leaving the context ends the processes.
@@ -302,34 +268,29 @@ def host_agents(
         commanded: Transports of the agents that the caller commands; no program of theirs is started.
         is_interrupted: Ends the waiting for processes that join.
     """
-    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    agents = LocalAgents()
     own = [agent for agent in setup.scenario.agents if agent.process == agent.name and agent.name not in commanded]
     gateway = None
     if any(agent.start.is_behind_gateway for agent in own):
-        gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
+        gateway = GatewayAgents(setup, directory, network, agents.events.put, without=commanded)
     guests = {} if gateway is None else {name: gateway.get_transport(name) for name in gateway}
     agent_types = load_agent_types(setup.scenario, directory, [*guests, *commanded])
-    sessions: dict[str, AgentSession] = {}
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
         link = commanded.get(agent.name) or guests.get(agent.name)
-        link = link or _build_local_transport(agent, agent_types, workers, events.put)
-        sessions[agent.name] = build_session(agent, setup, link)
-        sessions[agent.name].is_ready = agent.name not in guests
-    host = AgentHost(sessions=sessions, events=events)
+        if link is None:
+            link = ObjectTransport(agent.name, agent_types[agent.process], agents.events.put)
+            if agent.is_free:
+                # Time does not wait for an agent in free mode, so it decides on a thread of its own.
+                link = ThreadedTransport(link, workers.setdefault(agent.process, WorkerThread()))
+        agents[agent.name] = build_session(agent, setup, link)
+        agents[agent.name].is_ready = agent.name not in guests
     if gateway is None:
-        yield host
+        yield agents
         return
-    with (
-        ScratchFolder.for_sockets() as sockets,
-        ChildProcesses(gateway.exited) as children,
-        StopMonitor(lambda: children.pids, gateway.stopped),
-        closing(gateway),
-    ):
-        gateway.start(children, sockets.path)
-        _await_gateway_agents(gateway, sessions, events, is_interrupted)
-        yield host
-        children.wait(EXIT_TIMEOUT_S)
+    with gateway.open():
+        _await_gateway_agents(gateway, agents, is_interrupted)
+        yield agents
 
 
 def run_in_process(
@@ -352,30 +313,15 @@ def run_in_process(
         Interruption() as interruption,
         host_agents(setup, directory, network, is_interrupted=interruption.is_set) as agents,
     ):
-        return InProcessRun(setup, agents.sessions, agents.events, report, watch).fly(interruption.is_set)
+        return InProcessRun(setup, agents, report, watch).fly(interruption.is_set)
 
 
-# Time does not wait for an agent in free mode, so it decides on a thread of its own.
-def _build_local_transport(
-    agent: AgentSpec, types: Mapping[str, type[Agent]], workers: dict[str, WorkerThread], put: EventSink
-) -> AgentTransport:
-    link = ObjectTransport(agent.name, types[agent.process], put)
-    return ThreadedTransport(link, workers.setdefault(agent.process, WorkerThread())) if agent.is_free else link
-
-
-def _await_gateway_agents(
-    gateway: GatewayAgents,
-    sessions: Mapping[str, AgentSession],
-    events: "queue.SimpleQueue[AgentEvent]",
-    is_interrupted: Callable[[], bool],
-) -> None:
-    deadline_s, pauses = time.monotonic() + JOIN_TIMEOUT_S, PauseDetector()
-    while not is_interrupted() and (absent := [session for session in sessions.values() if session.is_awaited]):
-        deadline_s += pauses.missed_s(time.monotonic())
+def _await_gateway_agents(gateway: GatewayAgents, agents: LocalAgents, is_interrupted: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + JOIN_TIMEOUT_S
+    while not is_interrupted() and (absent := agents.awaited):
+        deadline_s += agents.renew_deadlines()
         if time.monotonic() > deadline_s:
-            for session in absent:
-                session.mark_lost(gateway.describe_absence(session.agent))
+            for name in absent:
+                agents[name].mark_lost(gateway.describe_absence(name))
             return
-        with suppress(queue.Empty):
-            event = events.get(timeout=POLL_PERIOD_S)
-            sessions[event.agent].handle(event)
+        agents.wait()

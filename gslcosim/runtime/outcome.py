@@ -1,13 +1,14 @@
 """Outcome of a run as `result.json` holds it, and its exit code."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.contract.messages import Ending, Verdict
+from gslcosim.contract.messages import Verdict
+from gslcosim.runtime.agents.session import AgentSessions
 from gslcosim.runtime.agents.validator import AgentFault
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
@@ -17,16 +18,9 @@ from gslcosim.validity.conduct import INTERNAL_KEYS
 from gslcosim.validity.findings import Validity, assess_run
 
 
-def build_ending(verdict: Verdict | None) -> Ending:
-    """Return the message that ends the agents of a run."""
-    if verdict is None:
-        return Ending(tick=0, reason="the run was ended")
-    return Ending(tick=verdict.tick, reason=verdict.end_reason)
-
-
 @dataclass(frozen=True, kw_only=True)
 class ServiceFault:
-    """Why a run is not valid: who failed, at which tick, and how."""
+    """Fault that makes a run invalid: the participant, its last tick, and the reason."""
 
     participant: str
     tick: int
@@ -47,16 +41,33 @@ class RunOutcome:
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
     is_interrupted: bool = False
-    # Whether the run ended where it was asked to, before its verdict.
+    # True where the run ended at the requested tick, before its verdict.
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # Summaries of participants, by key of the result.
     summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    # What each decision of an agent took by the clock; only where the agents fly in this process.
+    # Wall time of each decision of an agent [s].
     decisions_s: list[float] = field(default_factory=list[float])
-    # By agent what its process was confined by.
+    # Confinement of each agent's process, by agent.
     sandboxes: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def collect(
+        self,
+        sessions: AgentSessions,
+        *,
+        verdict: Verdict | None,
+        reached_tick: int,
+        timing: Mapping[str, Mapping[str, int]],
+        summaries: Iterable[Mapping[str, Any]],
+    ) -> None:
+        """Add the verdict, or the tick reached without one, and the accounts of agents and services."""
+        self.verdict = verdict
+        self.ticks_flown = verdict.tick if verdict else reached_tick
+        self.agent_faults = sessions.faults
+        self.decisions_s = [taken_s for session in sessions.values() for taken_s in session.decisions_s]
+        self.timing = dict(timing)
+        self.summary = {key: value for summary in summaries for key, value in summary.items()}
 
     @property
     def is_valid(self) -> bool:
@@ -64,7 +75,7 @@ class RunOutcome:
         return self.verdict is not None and self.digest is not None and self.fault is None and not self.is_interrupted
 
     def require_reason(self) -> None:
-        """Put the supervisor at fault where nothing gives a reason why the run has ended."""
+        """Put the supervisor at fault for an end without a reason."""
         if not (self.is_valid or self.is_interrupted or self.is_cut) and self.fault is None:
             lacking = "a verdict" if self.verdict is None else "a digest"
             text = f"expected a verdict and a digest, an interruption or a fault, found none: {lacking} is missing."
@@ -84,7 +95,7 @@ class RunOutcome:
         return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
 
     def assess(self, scenario: Scenario, environments: Sequence[Path], manifest: RunManifest | None = None) -> Validity:
-        """Return what speaks for or against the run's figures.
+        """Return the findings for or against the run's figures.
 
         Args:
             environments: The folder of its environment, and those that events made of it.
@@ -129,7 +140,7 @@ class RunOutcome:
             "timing_us_per_tick": {name: _get_per_tick_us(timing) for name, timing in self.timing.items()},
         }
 
-    # With what each was set to and granted, without which its figures cannot be compared with another's.
+    # With the settings and grants of each, without which figures of two runs cannot be compared.
     def _agents(self, scenario: Scenario) -> list[dict[str, Any]]:
         specs, methods = {agent.name: agent for agent in scenario.agents}, scenario.methods
         return [

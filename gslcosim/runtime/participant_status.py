@@ -1,4 +1,4 @@
-"""One moment of a run's participants, and what it explains where the run stalls: who waits for whom over what."""
+"""Status of a run's participants, and from it the explanation of a stall: the chain of participants that wait."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints
 
 from gslcosim.contract.participant import get_agent_participant
 
-# They cross hosts: no number or name of another host is taken as it comes.
+# They come from other hosts, whose numbers and names are checked.
 MAX_TICK = 1 << 53
 Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
 ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
@@ -20,7 +20,7 @@ ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", 
 
 @dataclass(frozen=True, kw_only=True)
 class MissingMessage:
-    """A message that a participant lacks: its port and tick, who writes it, and the last tick that came on the port.
+    """A message that a participant lacks: its port, tick and writer, and the last tick that came on the port.
 
     `last_tick` is -1 where nothing came on it yet.
     """
@@ -33,7 +33,7 @@ class MissingMessage:
 
 @dataclass(frozen=True, kw_only=True)
 class ParticipantStatus:
-    """One moment of a participant, for a person to watch.
+    """Status of a participant at one moment.
 
     `tick` is the last one finished, -1 before the first. What it waits for, empty where it waits for nothing: `missing`
     are messages, `lacking_credit` are readers that lag behind by as much as they may. `occupied_s` is how long its
@@ -63,7 +63,7 @@ class ParticipantStatus:
 
 @dataclass(frozen=True)
 class Stall:
-    """A stalled run: `culprit` is the participant for whom all others wait, `lines` say why, one for each of them."""
+    """A stalled run: all others wait for the participant `culprit`; `lines` explain it, one for each."""
 
     culprit: str
     lines: tuple[str, ...]

@@ -56,19 +56,19 @@ class PriorRun:
 
 @dataclass(frozen=True, kw_only=True)
 class RunPlan:
-    """All that decides a run's result, and where its folder is made.
+    """Inputs that decide a run's result, and the place of its folder.
 
     Attributes:
         scenario: The scenario.
         environment_dir: The folder of its room.
-        runs_dir: Where the run's folder is made.
-        directory: Where relative paths of agents start.
-        processes: How the run is spread over processes.
-        began: When it began, by `time.perf_counter` [s].
+        runs_dir: Folder of the run's folder.
+        directory: Folder from which relative paths of agents start.
+        processes: Distribution of the run over processes.
+        began: Start of the run by `time.perf_counter` [s].
         origin: Facts for the manifest about the run that is repeated.
         past: Commands of that run, which stand in for those of agents.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
-        snapshot: Where it goes on; absent: it begins at tick 0.
+        snapshot: Snapshot at which it resumes; absent: it begins at tick 0.
         sources: The files from which the scenario was resolved.
     """
 
@@ -98,13 +98,13 @@ def run_scenario(
     """Run a scenario and leave a run directory, whatever happens in between.
 
     Args:
-        loaded: The scenario and where it came from.
-        runs_dir: Where the run directory is made.
-        processes: How the run is spread over processes; absent: as the scenario says.
-        network: How processes reach the run's router; ignored in one process.
+        loaded: The scenario and its origin.
+        runs_dir: Folder of the run's folder.
+        processes: Distribution of the run over processes; absent: that of the scenario.
+        network: Access to the run's router; ignored in one process.
         fork_server: Forks the services; absent: one is started where it is needed.
         report: Receives the status of the run.
-        repetition: What is taken over from another run; absent: nothing.
+        repetition: Past that is taken over from another run; absent: none.
 
     Raises:
         GslCosimError: the scenario cannot be run at all (its environment or dataflow is wrong).
@@ -169,18 +169,18 @@ def run_scenario(
 
 
 class OpenRun:
-    """A run whose folder is made: a context that leaves a result in it, whatever ends the run.
+    """Run with a folder: a context that leaves a result in it, whatever ends the run.
 
-    Inside, `prepare` gives what the run is built from, and the caller sets `outcome`. An exception is the outcome's
+    Inside, `prepare` returns the setup, and the caller sets `outcome`. An exception becomes the outcome's
     fault, and goes no further.
 
     Args:
-        plan: All that decides the run.
+        plan: Inputs of the run.
         report: Receives the status of the run.
 
     Attributes:
         outcome: That of the run.
-        report: Receives the status from whatever runs it.
+        report: Receives the status from the run's host.
         result: The result, once the context is left.
     """
 
@@ -208,7 +208,7 @@ class OpenRun:
         return self
 
     def prepare(self) -> RunSetup:
-        """Write the scenario, the setup and the manifest, with the rooms that events bring."""
+        """Write scenario, setup, manifest, and the rooms of later events."""
         plan, run_dir = self._plan, self._run_dir
         run_dir.replace(run_dir.scenario.name, dump_resolved(plan.scenario))
         progress = _PreparationReporter(self.report)
@@ -244,11 +244,11 @@ class OpenRun:
         self.report = self._compilation
         return setup
 
-    # Whatever ends a run that has a directory is in its result: what was wrong, what the machine refused, and our bugs.
+    # The result of a run with a folder holds whatever ended it: wrong input, a refusal of the machine, or a bug.
     def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> bool:
         self._contexts.close()
         if isinstance(error, KeyboardInterrupt) or (isinstance(error, Exception) and is_asked_to_end()):
-            # Before or after the part that ends in order by itself.
+            # Outside of the part that handles interruptions itself.
             self.outcome = RunOutcome(is_interrupted=True)
         elif isinstance(error, Exception):
             text = format_fault(error, "".join(traceback.format_exception(error)))
@@ -280,7 +280,7 @@ class OpenRun:
                 if kind.repair is not None:
                     kind.repair(recording)
         except (RecordingError, OSError) as error:
-            # The recorder had not come as far as its first bytes; that must not hide what ended the run.
+            # The recorder had not written its first bytes; that must not hide the reason of the end.
             self._add_fault(f"The recording was not made whole: {format_fault(error, '')}")
 
     def _save_digest(self) -> None:
@@ -321,10 +321,10 @@ class OpenRun:
 
 
 class KernelFolder:
-    """The folder in which numba keeps kernels, as it was when this object was made.
+    """State of the folder of numba's kernels when this object was made.
 
     Args:
-        folder: It; by default that of this process, which those of a run share.
+        folder: By default that of this process, which all processes of a run use.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -348,13 +348,13 @@ class KernelFolder:
 
 
 class CompilationReporter:
-    """Adds to the status of a run that starts that kernels are compiled; used as a context, and as the report in it.
+    """Context and status handler that adds the compilation of kernels to the status of a starting run.
 
     A first run of a version compiles for a minute, and one in a single process has nothing else to report meanwhile.
 
     Args:
-        report: Is given the status.
-        folder: Where kernels are added.
+        report: Receives the status.
+        folder: Folder of the kernels.
     """
 
     def __init__(self, report: Callable[[RunStatus], None], folder: KernelFolder | None = None) -> None:
@@ -409,10 +409,10 @@ class CompilationReporter:
 
 @dataclass
 class _PreparationReporter:
-    """Reports progress of what comes before a run as its status.
+    """Reporter of the preparation of a run as its status.
 
-    Where nothing was made before, kernels are compiled for longer than an environment is made: at the first progress a
-    fork of `idle_server`, where there is one, begins to compile those of `loaded` on the other core.
+    On a first run, compiling kernels takes longer than making an environment: at the first progress a fork of
+    `idle_server`, where there is one, begins to compile those of `loaded` on the other core.
     """
 
     report: StatusHandler

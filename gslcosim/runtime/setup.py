@@ -39,7 +39,7 @@ class RunSetup:
 
     @property
     def episode(self) -> Episode:
-        """The episode that the run flies."""
+        """The episode of the run."""
         return Episode(seed=self.scenario.seed)
 
     def save(self) -> None:

@@ -10,8 +10,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
@@ -25,10 +25,14 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
 
+STATUS_PERIOD_S = 0.1
+# Participants that have not joined by then are named in a log, too: one that is stopped may still come.
+LATE_AFTER_S = 4.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatus:
-    """One moment of a run, for a person to watch.
+    """Status of a run at one moment.
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
@@ -57,15 +61,49 @@ class RunResult:
     result: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
+class StatusReporter:
+    """Reporter of a run's status: not too often, but each state at once."""
+
+    def __init__(
+        self,
+        report: Callable[[RunStatus], None],
+        tick_ns: int,
+        participants: Callable[[], list[ParticipantStatus]],
+    ) -> None:
+        self._report = report
+        self._tick_ns = tick_ns
+        self._participants = participants
+        self._reported_at_s, self._reported_state = 0.0, ""
+
+    def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
+        """Report the participants that have not joined yet, and after a while for how long."""
+        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
+        if is_late:
+            text = f"{text}, not here after {waited_s:.0f} s"
+        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
+
+    def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
+        """Report how far the run has come, and notes besides."""
+        sim_time_s = seconds_from_ticks(tick, self._tick_ns)
+        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
+        self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+
+    def _report_status(self, status: RunStatus) -> None:
+        now_s = time.monotonic()
+        if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
+            self._reported_at_s, self._reported_state = now_s, status.state
+            self._report(replace(status, participants=self._participants))
+
+
 SOCKET_SUFFIX = ".flight"
-# A run that stands still for so long is explained to who looks.
+# A run that stands still for so long gets an explanation.
 STALL_SHOWN_AFTER_S = 3.0
 _SEND_TIMEOUT_S = 1.0
 _BACKLOG = 16
 
 
 def get_status_folder() -> Path:
-    """Return where the windows of this user's runs are; it need not exist."""
+    """Return the folder of the sockets of this user's runs; it need not exist."""
     user_id = 0 if sys.platform == "win32" else os.getuid()
     return Path(tempfile.gettempdir()) / f".gslcosim-flights-{user_id}"
 
@@ -184,7 +222,7 @@ class StatusServer:
                 connection.sendall(json.dumps(self._answer(connection)).encode())
 
 
-# Of runs that were killed: nobody listens there any more.
+# Sockets of killed runs, on which no process listens.
 def _remove_stale(folder: Path) -> None:
     for window in folder.glob(f"*{SOCKET_SUFFIX}"):
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
@@ -231,7 +269,7 @@ class _RunFacts(TypedDict):
     stall: NotRequired[str]
 
 
-# Of a run whose process stands still.
+# Facts of a run whose process stands still.
 _UNKNOWN_FACTS: dict[str, Any] = {
     **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
     **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
@@ -242,7 +280,7 @@ _UNKNOWN_FACTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class ActiveRun:
-    """Run that goes on now.
+    """Active run.
 
     `facts` are those of `StatusServer.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
     behind the window, as the system says and not the run.
@@ -260,7 +298,7 @@ class ActiveRun:
 
 
 def list_active_runs() -> list[ActiveRun]:
-    """Return the runs of this user that go on now, the oldest first; windows of killed runs are removed."""
+    """Return the active runs of this user, the oldest first; sockets of killed runs are removed."""
     found = [query_status(window) for window in get_status_folder().glob(f"*{SOCKET_SUFFIX}")]
     return sorted((flight for flight in found if flight is not None), key=lambda flight: flight.facts["began_at"])
 
@@ -300,13 +338,17 @@ def query_status(window: Path) -> ActiveRun | None:
 
 
 def find_active_run(run: str | None) -> ActiveRun:
-    """Return the run that a person names.
+    """Return the active run of an id or folder.
 
     Args:
         run: The run's id or the beginning of it, or its folder; None is the only one that goes on.
     """
     flights = list_active_runs()
-    fitting = [flight for flight in flights if run is None or _matches(run, flight)]
+    fitting = [
+        flight
+        for flight in flights
+        if run is None or flight.run_id.startswith(run) or os.path.realpath(run) == flight.facts["run_dir"]
+    ]
     if len(fitting) == 1:
         return fitting[0]
     names = ", ".join(flight.run_id for flight in flights) or "none"
@@ -329,10 +371,6 @@ def stop_run(flight: ActiveRun) -> None:
                 f"End its process with `kill -9 {flight.pid}`."
             )
         time.sleep(_POLL_PERIOD_S)
-
-
-def _matches(run: str, flight: ActiveRun) -> bool:
-    return flight.run_id.startswith(run) or os.path.realpath(run) == flight.facts["run_dir"]
 
 
 def _read_all(connection: socket.socket) -> bytes:

@@ -50,7 +50,7 @@ class MissingInput:
 
 @dataclass
 class Gate:
-    """Holds a participant's inputs and decides when its next step may happen.
+    """Holder of a participant's inputs, which decides when its next step may happen.
 
     A step of tick k needs, for each read, the message of tick k - delay where one exists. It exists at the ticks of
     the port's period, or where its announcement says so, and never after a message that closes the port. A writer may
@@ -152,7 +152,7 @@ class Gate:
         return tick, inbox
 
     def memory(self) -> dict[str, Any]:
-        """Return what the next steps depend on and no later message holds: announcements, and ports that are closed."""
+        """Return the state that no later message holds: announcements, and ports that are closed."""
         announced = {
             port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
             for port, ticks in self._announced.items()
@@ -161,7 +161,7 @@ class Gate:
         return {"announced": announced, "closed": closed}
 
     def go_on(self, tick: int, memory: Mapping[str, Any]) -> None:
-        """Let the next step be that of a tick, with what `memory` has told; inputs are to be delivered again."""
+        """Resume at a tick with the state of `memory`; inputs are to be delivered again."""
         self.next_tick = tick
         for port, ticks in memory.get("announced", {}).items():
             self._announced[port] = {then: frozenset(ports) for then, ports in ticks}
@@ -169,7 +169,7 @@ class Gate:
 
     @property
     def least_credit(self) -> int:
-        """The last tick that all readers have finished; `NO_TICK_LIMIT` where nobody reads."""
+        """The last tick that all readers have finished; `NO_TICK_LIMIT` without readers."""
         return min(self._credit.values(), default=NO_TICK_LIMIT)
 
     @property
@@ -228,7 +228,7 @@ class Timing:
 
 @dataclass
 class Stepper:
-    """Steps a core whenever its gate allows, and checks that it keeps its own declaration."""
+    """Stepper of one core, which checks that the core keeps its own declaration."""
 
     core: Core
     dataflow: Dataflow
@@ -243,11 +243,11 @@ class Stepper:
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
-        # One that writes nothing holds only inputs, and no other participant's step depends on these.
+        # No other participant's step depends on one that writes nothing.
         self.is_kept = self.is_kept and bool(self.spec.writes)
         self.gate = Gate(self.dataflow, self.spec.name)
         self.trails = {write.port: HashChain() for write in self.spec.writes}
-        # What it writes at every tick, and nothing else, if that is so.
+        # Its ports, where it writes all of them at every tick.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
         self._state_adapter = build_state_adapter(self.core) if self.is_kept else None
@@ -262,7 +262,7 @@ class Stepper:
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
         self._check(outbox, expected, 0, "reset")
         if self._state_adapter is not None:
-            # What cannot be kept is reported now, and not when the first snapshot is due.
+            # State that cannot be kept is reported now, not at the first snapshot.
             self._state_of(self._state_adapter)
         return [self._send(port, message) for port, message in outbox.items()]
 
@@ -320,10 +320,10 @@ class Stepper:
         return sent
 
     def part(self) -> SnapshotPart:
-        """Return what this participant needs to go on from here elsewhere."""
+        """Return the part of a snapshot with which this participant can resume."""
         assert self._state_adapter is not None
         gate = self.gate
-        # What some reader may not have, and what readers with a delay have not stepped.
+        # Messages that a reader may lack, or has not stepped because of its delay.
         after_tick = min(gate.least_credit, gate.next_tick - 1 - self._longest_delay)
         return SnapshotPart(
             participant=self.spec.name,
@@ -346,7 +346,7 @@ class Stepper:
             place = f"{self.spec.name}{'' if str(error).startswith(('.', '[')) else ': '}"
             raise SnapshotError(f"{place}{error}") from error
         for write in self.spec.writes:
-            # What is written once has been written by `reset`.
+            # `reset` has written the ports that are written once.
             if write.announced_in != ONCE:
                 self.trails[write.port] = HashChain.from_fields(part.trails[write.port])
         self.gate.go_on(part.tick, part.memory)
@@ -397,14 +397,14 @@ class Stepper:
                 )
 
 
-# Whom all others wait for: where it is held back, nobody else gets far.
+# The participant that all others wait for: holding it back holds the run.
 PACED_PARTICIPANT = "world"
-# What is lost by more than that is not made up for: nobody who looks on could follow.
+# A longer delay is not made up for: a spectator could not follow.
 MAX_CAUGHT_UP_S = 1.0
 
 
 class ClockPace:
-    """Holds ticks back until their time has come. It has no influence on what is in them.
+    """Clock that holds ticks back until their time. It has no influence on their content.
 
     Tick k may begin k ticks after the first one, by the clock on the wall divided by the pace. A tick that begins later
     than that by more than its own length counts as late. Small delays are made up for; one of more than
@@ -414,7 +414,7 @@ class ClockPace:
 
     Args:
         pace: Simulated seconds in a second.
-        tick_ns: How long a tick is.
+        tick_ns: Length of a tick [ns].
         from_tick: The first tick that is held back.
     """
 
@@ -429,7 +429,7 @@ class ClockPace:
         self._n_ticks = 0
 
     def wait_s(self, tick: int, now_s: float) -> float:
-        """Return how long it takes until a tick may begin; 0 where it may."""
+        """Return the time until a tick may begin [s]; 0 where it may."""
         if tick < self._from_tick:
             return 0.0
         return max(0.0, self._due_s(tick, now_s) - now_s)
@@ -447,7 +447,7 @@ class ClockPace:
             self._lost_s += lag_s
 
     def summary(self) -> dict[str, Any]:
-        """Return what `result.json` says of it."""
+        """Return the entry in `result.json`."""
         return {
             "pace": {
                 "factor": self._pace,
@@ -464,7 +464,7 @@ class ClockPace:
 
 
 def build_clock_pace(setup: RunSetup) -> ClockPace | None:
-    """Return what holds the ticks of a run back; nothing where its time follows no clock."""
+    """Return the pace of a run; None where its time follows no clock."""
     pace = setup.scenario.pace
     if pace is None or setup.paced_from_tick is None:
         return None
@@ -482,7 +482,7 @@ class SnapshotPolicy:
 
     @classmethod
     def of(cls, setup: RunSetup) -> "SnapshotPolicy":
-        """Return what a run's scenario asks for."""
+        """Return the policy of a run's scenario."""
         spec, tick_ns = setup.scenario.snapshots, setup.scenario.tick_ns
         every_ticks = None if spec is None else max(1, ticks_from_seconds(spec.every_s, tick_ns))
         return cls(
@@ -494,7 +494,7 @@ class SnapshotPolicy:
 
     @property
     def extra_retained_ticks(self) -> int:
-        """For how many ticks more messages are kept: a service that is started again needs them since its snapshot."""
+        """Further ticks for which messages are kept: a restarted service needs those since its snapshot."""
         return self.every_ticks or 0 if self.is_restarting else 0
 
     @property
@@ -528,14 +528,14 @@ class SnapshotPolicy:
                 stepper.go_on(snapshot.part(stepper.spec.name))
             else:
                 stepper.gate.go_on(snapshot.tick, {})
-            # All others stand there too.
+            # All others resume there too.
             for reader in dataflow.readers_of[stepper.spec.name]:
                 stepper.gate.grant(reader.name, snapshot.tick - 1)
         for port, message in snapshot.messages(dataflow):
             for stepper in steppers:
                 stepper.gate.deliver(port, message)
 
-    # Only a process that is started again finds parts of its own in the run's folder; what else it needs it asks for.
+    # Only a restarted process finds its own parts in the run's folder; it requests whatever else it needs.
     def _go_on_where_it_was(self, steppers: Collection[Stepper]) -> bool:
         if not self.is_restarting or not all(stepper.is_kept for stepper in steppers):
             return False
@@ -549,22 +549,20 @@ class StepListener(Protocol):
     """Listener of a step loop, called at each step."""
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
-        """Take what a participant has written; its readers in this process have it."""
+        """Take a participant's outputs; its readers in this process have them."""
         ...
 
     def before_snapshot(self, stepper: Stepper) -> None:
-        """Let go out what was sent before a participant's state is written."""
-        ...
+        """Send what waits before a participant's state is written."""
 
     def after_step(self, stepper: Stepper) -> None:
         """Take note that a participant has finished a tick."""
-        ...
 
 
 class StepLoop:
     """Loop over the participants of one process: all of a run, a group of them, or one.
 
-    What they write for each other is handed over as it is. Whoever runs the loop brings in what comes from elsewhere.
+    Their messages for each other are handed over as they are. The holder of the loop delivers those from elsewhere.
 
     Attributes:
         steppers: From upstream to downstream.
@@ -587,7 +585,7 @@ class StepLoop:
             cores: From upstream to downstream.
             dataflow: Of the whole run.
             listener: Is called at each step.
-            is_whole_run: Whether nobody reads elsewhere; then nobody runs ahead, and no credit is counted.
+            is_whole_run: True where all readers are here; then none runs ahead, and no credit is counted.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
             policy: Of snapshots; absent: there are none.
         """
@@ -600,7 +598,7 @@ class StepLoop:
         self.steppers = tuple(
             Stepper(core, dataflow, is_kept=policy is not None and policy.keeps_state) for core in cores
         )
-        # Looked for once: it is asked for whenever a process waits, and looking takes longer than a step's bookkeeping.
+        # Looked up once: every wait needs them, and the look-up takes longer than a step's bookkeeping.
         self._prefetchers = tuple(
             (stepper, stepper.core.prefetch) for stepper in self.steppers if isinstance(stepper.core, SupportsPrefetch)
         )
@@ -671,8 +669,8 @@ class StepLoop:
     def step(self) -> bool:
         """Step each one that can, once, so that what one writes is still warm when the next reads it.
 
-        Where the whole run is here it goes tick by tick: nobody begins a tick before all have finished the one before,
-        so that nothing is computed, and no agent sees anything, past the verdict.
+        A whole run goes tick by tick: no participant begins a tick before all have finished the one before, so that
+        nothing is computed, and no agent observes anything, past the verdict.
 
         Returns whether any has stepped.
         """
@@ -708,7 +706,7 @@ class StepLoop:
 
     @property
     def pace_wait_s(self) -> float:
-        """For how long the clock alone holds back who could step otherwise [s]; everybody waits for that one."""
+        """Time for which the clock alone holds a participant back [s]; all others wait for that one."""
         if not self.is_paced:
             return 0.0
         return max((self._wait_s(stepper) for stepper in self.steppers if stepper.gate.can_step()), default=0.0)
@@ -753,7 +751,7 @@ class StepLoop:
                 gate.final_tick = tick
 
     def prefetch(self) -> bool:
-        """Let one of the cores do what it can without its inputs; return whether there was anything to do."""
+        """Let one of the cores compute ahead without its inputs; return whether there was anything to do."""
         for stepper, prefetch in self._prefetchers:
             self.acting = stepper
             if prefetch():
@@ -767,7 +765,7 @@ class StepLoop:
             stepper.core.close()
 
     def summarize(self, stepper: Stepper) -> dict[str, Any]:
-        """Return what `result.json` says of a participant."""
+        """Return the entry of a participant in `result.json`."""
         own = dict(stepper.core.summary()) if isinstance(stepper.core, SupportsSummary) else {}
         pace = self._pace_of(stepper)
         return own if pace is None else own | pace.summary()

@@ -42,10 +42,6 @@ def warm_up(core: Core, scenario: Scenario) -> Core:
     return core
 
 
-def _build_start_poses(scenario: Scenario, tick: int) -> BodyPoses:
-    return BodyPoses(tick=tick, bodies=tuple(_build_resting_body(agent) for agent in scenario.agents))
-
-
 def _build_resting_body(agent: AgentSpec) -> BodyState:
     has_imu = any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors)
     return BodyState(
@@ -86,14 +82,9 @@ def _build_blank_images(scenario: Scenario, tick: int) -> CameraFrames:
     return CameraFrames(tick=tick, frames=tuple(frames))
 
 
-def _build_empty_radio(scenario: Scenario, tick: int) -> RadioTraffic:
-    del scenario
-    return RadioTraffic(tick=tick)
-
-
 _SYNTHETIC_MESSAGES: dict[str, Callable[[Scenario, int], Message]] = {
-    keys.BODIES: _build_start_poses,
+    keys.BODIES: lambda scenario, tick: BodyPoses(tick=tick, bodies=tuple(map(_build_resting_body, scenario.agents))),
     keys.SAMPLES: _build_clean_samples,
-    keys.RADIO: _build_empty_radio,
+    keys.RADIO: lambda _, tick: RadioTraffic(tick=tick),
     keys.IMAGES: _build_blank_images,
 }

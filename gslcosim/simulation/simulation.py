@@ -31,7 +31,7 @@ from gslcosim.environment.generation.cache import load_rooms, prepare_environmen
 from gslcosim.environment.model import Environment
 from gslcosim.environment.positions import draw_positions
 from gslcosim.runtime.agents.session import AgentTransport, CommandReceived, SteppedTransport
-from gslcosim.runtime.in_process import AgentHost, InProcessRun, host_agents
+from gslcosim.runtime.in_process import InProcessRun, LocalAgents, host_agents
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.run_dir import RunDir
@@ -402,15 +402,15 @@ class Simulation:
             setup = self._build_setup(Path(stack.enter_context(ScratchFolder("simulation")).path))
             self.environment: Environment = setup.environment
             transports: Mapping[str, AgentTransport] = dict(self._transports)
-            self._agents: AgentHost = stack.enter_context(
+            self._agents: LocalAgents = stack.enter_context(
                 host_agents(setup, loaded.directory, Network(), commanded=transports)
             )
             for name in self._transports:
-                session = self._agents.sessions[name]
+                session = self._agents[name]
                 # A caller takes as long as they like, and keeps their own notes.
                 session.answer_within_s = float("inf")
                 session.journal = lambda _: None
-            self._run = InProcessRun(setup, self._agents.sessions, self._agents.events, lambda _: None, self.on_message)
+            self._run = InProcessRun(setup, self._agents, lambda _: None, self.on_message)
             self._pauses: Iterator[None] = self._run.iter_pauses(self.outcome, lambda: self._is_closed)
             self._stack = stack.pop_all()
         try:

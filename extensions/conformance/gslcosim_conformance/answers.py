@@ -11,11 +11,11 @@ import msgpack
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
+from gslcosim.contract.length_prefix import LENGTH_BYTES, prefix_length
 from gslcosim.contract.messages import AGENT_KINDS, Command
 from gslcosim.contract.schema import check_contract
 from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 
-_LENGTH_BYTES = 4
 _STDERR_REMEDY = "Only commands belong there; write notes to the standard error: print(text, file=sys.stderr)."
 _MSGPACK_REMEDY = (
     "Pack the command with a msgpack library, msgpack.packb(command) in place of json.dumps(command); behind "
@@ -75,7 +75,7 @@ def find_bytes_remedy(payload: bytes, said: str) -> str:
         return find_refusal_remedy(said)
     if "as bytes (bin)" in said:
         return _BIN_REMEDY.replace("Pack bytes as bin and texts as str", "Keys are texts, 'tick' and not b'tick'")
-    if (inner := payload[_LENGTH_BYTES:]) and int.from_bytes(payload[:_LENGTH_BYTES], "big") == len(inner):
+    if (inner := payload[LENGTH_BYTES:]) and payload == prefix_length(inner):
         return "Send the map alone, without its length before it: publisher.put(msgpack.packb(command))."
     if payload.lstrip()[:1] == b"{":
         return _MSGPACK_REMEDY if _is_json(payload) else f"{_STDERR_REMEDY} {_MSGPACK_REMEDY}"

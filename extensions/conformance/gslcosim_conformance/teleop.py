@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from io import RawIOBase
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -23,6 +24,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
 from gslcosim.base.untrusted_input import escape_terminal_text
 from gslcosim.contract import codec
+from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Briefing, Command, Declaration, Ending, Observation, Reading
 
 CLIMB_M = 0.25
@@ -400,7 +402,6 @@ def _draw_arrow(angle_rad: float) -> str:
 
 DRAW_PERIOD_S = 0.05
 POLL_PERIOD_S = 0.1
-_LENGTH_BYTES = 4
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 
@@ -426,7 +427,6 @@ class TeleopClient(threading.Thread):
         self._join_file: Path | None = None
         self._is_over = threading.Event()
         self._connection: socket.socket | None = None
-        self._buffer = bytearray()
         self._controls: KeyControls | None = None
         self._dashboard: Dashboard | None = None
         self._drawn_at_s = 0.0
@@ -446,8 +446,8 @@ class TeleopClient(threading.Thread):
         try:
             self._connection = self._connected()
             if self._connection is not None:
-                with self._connection:
-                    self._fly(self._connection)
+                with self._connection, self._connection.makefile("rb", buffering=0) as frames:
+                    self._fly(self._connection, frames)
         except Exception as error:  # reported by the caller that has started the thread and may be waiting
             self.failure = error
             _thread.interrupt_main()
@@ -459,17 +459,17 @@ class TeleopClient(threading.Thread):
                 join = json.loads(self._join_file.read_text())
                 connection = socket.socket(socket.AF_UNIX)
                 connection.connect(join["gateway"].partition(":")[2])
-                connection.sendall(_encode_frame(_msgpack.packb({"token": join["token"]})))
+                connection.sendall(prefix_length(_msgpack.packb({"token": join["token"]})))
                 return connection
             # Keys that are pressed now mean nothing.
             if select.select([self._keyboard.number], [], [], POLL_PERIOD_S)[0]:
                 self._keyboard.read()
         return None
 
-    def _fly(self, connection: socket.socket) -> None:
+    def _fly(self, connection: socket.socket, frames: RawIOBase) -> None:
         while not self._is_over.is_set():
             ready, _, _ = select.select([connection, self._keyboard.number], [], [], POLL_PERIOD_S)
-            if connection in ready and not self._receive(connection):
+            if connection in ready and not self._receive(frames):
                 return
             if self._keyboard.number in ready:
                 for key in self._keyboard.read():
@@ -478,23 +478,15 @@ class TeleopClient(threading.Thread):
             self._draw()
 
     # False at the end of the run.
-    def _receive(self, connection: socket.socket) -> bool:
+    def _receive(self, frames: RawIOBase) -> bool:
         try:
-            data = connection.recv(1 << 20)
+            frame = read_frame(frames)
         except OSError:
             return False
-        if not data:
+        if frame is None:
             return False
-        self._buffer += data
-        while len(self._buffer) >= _LENGTH_BYTES:
-            end = _LENGTH_BYTES + int.from_bytes(self._buffer[:_LENGTH_BYTES], "big")
-            if len(self._buffer) < end:
-                break
-            fields: dict[str, Any] = _msgpack.unpackb(bytes(self._buffer[_LENGTH_BYTES:end]), use_list=False)
-            del self._buffer[:end]
-            if not self._take(str(fields.pop("message")), fields):
-                return False
-        return True
+        fields: dict[str, Any] = _msgpack.unpackb(frame, use_list=False)
+        return self._take(str(fields.pop("message")), fields)
 
     def _take(self, message: str, fields: dict[str, Any]) -> bool:
         if message == Briefing.__name__:
@@ -514,7 +506,7 @@ class TeleopClient(threading.Thread):
             return False
         if isinstance(wish, Command):
             with contextlib.suppress(OSError):
-                connection.sendall(_encode_frame(codec.encode(wish)))
+                connection.sendall(prefix_length(codec.encode(wish)))
         return True
 
     def _draw(self) -> None:
@@ -528,7 +520,3 @@ class TeleopClient(threading.Thread):
     def _draw_text(self, text: str) -> None:
         columns, _ = self._keyboard.size
         self._keyboard.show([text[:columns]])
-
-
-def _encode_frame(payload: bytes) -> bytes:
-    return len(payload).to_bytes(_LENGTH_BYTES, "big") + payload

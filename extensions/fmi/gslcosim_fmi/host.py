@@ -19,13 +19,13 @@ from typing import Any, BinaryIO
 import msgpack
 
 from gslcosim.base.files import remove_tree
+from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim_fmi.calls import CallMarker
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _DISCARD = 2
 _MAX_LOG_LINES, _MAX_LINE_LENGTH, _MAX_LOGGED = 3, 300, 10_000
 _FAULT_CATEGORIES = ("warning", "discard", "error", "fatal")
-_LENGTH_BYTES = 4
 # Of a step, for rounding of times that a unit computes itself.
 _TIME_TOLERANCE = 1e-6
 
@@ -310,7 +310,10 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         "FmuSave": save, "FmuRead": read, "FmuRestore": restore,
     }  # fmt: skip
     try:
-        while (request := _read_frame(requests)) is not None and request["message"] in handlers:
+        while (frame := read_frame(requests)) is not None:
+            request: dict[str, Any] = msgpack.unpackb(frame)
+            if request["message"] not in handlers:
+                break
             try:
                 answer = handlers[request["message"]](request)
             except FmuError as error:
@@ -325,16 +328,8 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         remove_tree(folder, ignore_errors=True)
 
 
-def _read_frame(stream: BinaryIO) -> dict[str, Any] | None:
-    length = stream.read(_LENGTH_BYTES)
-    if len(length) < _LENGTH_BYTES:
-        return None
-    return msgpack.unpackb(stream.read(int.from_bytes(length, "big")))
-
-
 def _write_frame(stream: BinaryIO, fields: Mapping[str, Any]) -> None:
-    payload: bytes = msgpack.packb(fields) or b""
-    stream.write(len(payload).to_bytes(_LENGTH_BYTES, "big") + payload)
+    stream.write(prefix_length(msgpack.packb(fields) or b""))
     stream.flush()
 
 

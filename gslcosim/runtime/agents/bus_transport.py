@@ -1,6 +1,6 @@
 """Agents on the bus: their transport, their sessions as participants, and the replay of past observations to them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
@@ -8,7 +8,6 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.session import (
-    AgentEvent,
     AgentSession,
     AgentTransport,
     CommandReceived,
@@ -25,15 +24,15 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
 
 MAX_QUEUED_BYTES = 32 * 1024 * 1024
-_EVENT_BYTES = 256  # what even an empty message costs while it waits
+_EVENT_BYTES = 256  # cost of an empty message while it waits
 
 
 class BusTransport(AgentTransport):
     """Transport to an agent that is a process on the bus, which gets briefing and observations from their writer.
 
-    So only what may have got lost is sent from here. The bus calls `on_command` and `on_longer` on one thread;
-    `handled` is called on another. What an agent sends faster than it can be judged is dropped beyond
-    `MAX_WAITING_BYTES`, and told once.
+    Only messages that may have got lost are sent from here. The bus calls `on_command` and `on_longer` on one thread;
+    `acknowledge` is called on another. Beyond `MAX_QUEUED_BYTES`, commands that come faster than they can be judged
+    are dropped, which is reported once.
     """
 
     is_lossy = True
@@ -47,11 +46,11 @@ class BusTransport(AgentTransport):
         self._received_bytes = 0
         self._handled_bytes = 0
         self._has_reported = False
-        # While nobody else writes what the agent is sent, because it lies before the tick at which the run goes on.
+        # True while past observations are sent from here: sensing resumes at the snapshot.
         self.is_writer = False
 
     def listen(self) -> None:
-        """Hear the agent from now on."""
+        """Subscribe to the agent's commands."""
         key = keys.raw_command(self._agent)
         self._bus.subscribe(key, self.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=self.on_longer)
 
@@ -110,7 +109,7 @@ class AgentHost:
 
     Args:
         on_resent: Receives, on any thread, an observation that was asked for again.
-        more_ticks: For so many ticks more commands are kept for who has missed them.
+        more_ticks: Further ticks for which commands are kept for readers that missed them.
     """
 
     def __init__(
@@ -123,9 +122,10 @@ class AgentHost:
         self._in_order: ReorderBuffer[tuple[codec.ObservationHead, bytes]] = ReorderBuffer()
         self._kept = RetransmitBuffer(RETRANSMIT_TICKS + more_ticks)
         self._reported_tick = -1
+        session.deliver = self._publish
 
     def listen(self) -> None:
-        """Answer who missed a command."""
+        """Answer readers that missed a command."""
         self._bus.answer(protocol.build_resend_key(self._name), self._kept.answer)
         self._bus.answer(
             protocol.build_finished_key(self._name),
@@ -145,30 +145,16 @@ class AgentHost:
             question = protocol.ResendRequest(port=keys.observation(self.session.agent), tick=tick).to_bytes()
             self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
 
-    def handle(self, event: AgentEvent) -> None:
-        """Take what the agent did."""
-        self._publish(self.session.handle(event))
-
-    def mark_lost(self, reason: str) -> None:
-        """Take note that the agent is gone."""
-        self._publish(self.session.mark_lost(reason))
-
-    def check_deadline(self) -> None:
-        """Give the agent up where it has owed an answer for too long."""
-        self._publish(self.session.check_deadline())
-
-    # The agent is sent the bytes as they are, so nobody has to look at the rest.
+    # The agent gets the bytes as they are, so only the head is decoded.
     def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
-        passed = self.session.observe(head, payload)
+        self.session.observe(head, payload)
         if head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
             self._reported_tick = head.tick
             self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
-        self._publish(passed)
 
-    def _publish(self, passed: Iterable[SentMessage]) -> None:
-        for sent in passed:
-            self._kept.keep(sent)
-            self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
+    def _publish(self, sent: SentMessage) -> None:
+        self._kept.keep(sent)
+        self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
 
 
 def replay_observations(
@@ -179,10 +165,10 @@ def replay_observations(
     Sensing briefs them in the same words when it goes on; that is a repetition.
 
     Args:
-        links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
+        links: Transports of the agents on the bus, which otherwise get their messages from sensing.
 
     Yields:
-        Whenever somebody owes an answer, so that it can be heard.
+        While an agent owes an answer, so that the caller handles events.
     """
     snapshot, scenario = setup.snapshot, setup.scenario
     if snapshot is None:

@@ -1,10 +1,12 @@
 """Agents behind the gateway: their processes, and the transport to each of them."""
 
 import threading
-from collections.abc import Container, Iterator
+from collections.abc import Container, Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.contract.participant import get_agent_participant
@@ -21,13 +23,18 @@ from gslcosim.runtime.agents.session import (
     ObservationOrHead,
 )
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions, build_gateway_variables
+from gslcosim.runtime.processes.child_processes import (
+    EXIT_TIMEOUT_S,
+    ChildProcesses,
+    ProcessOptions,
+    build_gateway_variables,
+)
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
-from gslcosim.runtime.processes.stop_detection import describe_stop
+from gslcosim.runtime.processes.stop_detection import StopMonitor, describe_stop
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.scenario import AgentSpec
 
-# A process's end and its stream's end are seen by two threads; what they say together is one fault.
+# Two threads detect the ends of a process and of its stream; both together make one fault.
 LOG_TAIL_WAIT_S = 0.3
 
 
@@ -52,7 +59,7 @@ class _AgentProcess:
         self.link = ThreadedConnection(self.spec.start.format, self._on_event)
 
     def exited(self, how: str) -> None:
-        """Take note of the end of the process; what it had said before comes first."""
+        """Take note of the end of the process; its earlier messages come first."""
         self._has_exited.set()
         if self.is_open:
             self._has_stopped_talking.wait(LOG_TAIL_WAIT_S)
@@ -63,7 +70,7 @@ class _AgentProcess:
         self._report_end(f"the agent's process {describe_stop()}.")
 
     def refuse(self, text: str) -> None:
-        """Keep why a connection was not that of the process."""
+        """Keep the reason why a connection was refused."""
         self.refused_connection = text
 
     def _on_event(self, kind: EventKind, data: bytes) -> None:
@@ -79,7 +86,7 @@ class _AgentProcess:
             if self.spec.start.attach or not self._has_exited.wait(LOG_TAIL_WAIT_S):
                 self._report_end("the agent closed its output before the end of the run.")
 
-    # Where a process flies several agents its frames say which of them speaks.
+    # Frames of a process with several agents name the agent.
     def _put_command(self, payload: bytes) -> None:
         name = read_agent_name(payload)
         if name is None and len(self.agents) > 1:
@@ -103,7 +110,7 @@ class _AgentProcess:
 
 
 class GatewayTransport(AgentTransport):
-    """Transport to one agent behind the gateway; agents of one process share its stream."""
+    """Transport to one agent behind the gateway; agents of one process have one stream."""
 
     def __init__(self, process: _AgentProcess) -> None:
         self._process = process
@@ -169,13 +176,26 @@ class GatewayAgents:
     def __len__(self) -> int:
         return len(self._by_agent)
 
+    @contextmanager
+    def open(self) -> Generator[None]:
+        """Start every process, or write its join file, with nothing beside it; leaving the context ends all of them."""
+        with (
+            ScratchFolder.for_sockets() as sockets,
+            ChildProcesses(self.exited) as children,
+            StopMonitor(lambda: children.pids, self.stopped),
+            closing(self),
+        ):
+            self.start(children, sockets.path)
+            yield
+            children.wait(EXIT_TIMEOUT_S)
+
     def start(self, children: ChildProcesses, socket_dir: Path) -> None:
         """Start every process, or write the join files of those that attach themselves."""
         for process in self._processes():
             self._start(process, children, socket_dir)
 
     def get_transport(self, agent: str) -> GatewayTransport:
-        """Return a link to an agent."""
+        """Return the transport to an agent."""
         return GatewayTransport(self._by_agent[agent])
 
     def exited(self, process: str, code: int, how: str) -> bool:
@@ -192,12 +212,12 @@ class GatewayAgents:
         return member is not None
 
     def describe_absence(self, agent: str) -> str:
-        """Return what to say of an agent, behind the gateway or not, that has not come in time."""
+        """Return the fault of an agent, behind the gateway or not, that has not joined in time."""
         note = self._by_agent[agent].refused_connection if agent in self._by_agent else ""
         return f"{describe_absence()} {_end_sentence(note)}".rstrip()
 
     def close(self) -> None:
-        """End all streams, and let nobody in any more."""
+        """End all streams, and admit no connection any more."""
         for process in self._processes():
             process.link.end()
             if process.listener is not None:
@@ -258,7 +278,7 @@ class GatewayAgents:
 
 
 def describe_absence() -> str:
-    """Return what to say of a participant that has not come in time."""
+    """Return the fault of a participant that has not joined in time."""
     return f"expected to join within {JOIN_TIMEOUT_S:g} s, did not."
 
 

@@ -5,18 +5,19 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Command, Ending, Observation
+from gslcosim.contract.messages import Briefing, Command, Ending, Observation, Verdict
 from gslcosim.contract.participant import get_agent_participant
-from gslcosim.runtime.agents.validator import CommandValidator, build_validator
+from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator, collect_faults
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
+from gslcosim.runtime.processes.stop_detection import PauseDetector
 from gslcosim.runtime.replay.snapshot import ObservationLog
 from gslcosim.runtime.run_dir import MachineLog
 from gslcosim.runtime.setup import RunSetup
@@ -26,7 +27,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 @dataclass(frozen=True, kw_only=True)
 class AgentJoined:
-    """The agent can be spoken to."""
+    """The agent has joined and can receive messages."""
 
     agent: str
 
@@ -42,7 +43,7 @@ class CommandReceived:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandRefused:
-    """Something came that is no command, and why."""
+    """An agent sent something that is no command, and the reason."""
 
     agent: str
     text: str
@@ -50,7 +51,7 @@ class CommandRefused:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerMissed:
-    """The agent has said all that it says to an observation; what it still owes then never comes."""
+    """The agent has finished with an observation; an answer that it still owes never comes."""
 
     agent: str
     text: str
@@ -58,7 +59,7 @@ class AnswerMissed:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentLost:
-    """The agent says nothing any more, and why. It comes once and last."""
+    """The agent sends nothing any more, and the reason. This event comes once and last."""
 
     agent: str
     reason: str
@@ -75,15 +76,14 @@ ObservationOrHead = Observation | codec.ObservationHead
 class AgentTransport(Protocol):
     """Transport of messages to one agent; its answers come back as events, on any thread.
 
-    `is_lossy` says that a message may get lost on its way, so that questions have to be repeated.
-    Messages come with their canonical bytes; a link uses what it needs.
+    A transport that `is_lossy` may lose a message, so that questions have to be repeated.
+    Messages come with their canonical bytes; a transport uses either.
     """
 
     is_lossy: bool = False
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing."""
-        ...
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Send the agent an observation."""
@@ -93,15 +93,14 @@ class AgentTransport(Protocol):
         """Send the briefing and the last question again; nothing where no message gets lost."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Take note that what the agent said has been judged, so that it may say more, where it waits for that."""
+        """Take note that an answer has been judged, so that the agent may send more where it waits for that."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run."""
-        ...
 
 
 class ObjectTransport(AgentTransport):
-    """Transport to an agent object in this process: it answers at once or never; whatever it raises is a result."""
+    """Transport to an agent object in this process, which answers at once or never; an exception is a result."""
 
     def __init__(self, name: str, agent_type: type[Agent], put: EventSink) -> None:
         self._name = name
@@ -118,7 +117,7 @@ class ObjectTransport(AgentTransport):
             self._fail("the agent failed at its briefing", error)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent look, and decide where it is asked; see `AgentTransport`."""
+        """Let the agent observe, and decide where a command is due; see `AgentTransport`."""
         agent = self._agent
         if not isinstance(observation, Observation):
             observation = codec.decode_trusted(Observation, payload)
@@ -138,7 +137,7 @@ class ObjectTransport(AgentTransport):
             return
         try:
             self._agent.end(ending.reason)
-        except (Exception, SystemExit):  # the run is over; nothing an agent does now counts
+        except (Exception, SystemExit):  # the run is over
             return
 
     def _ask(self, agent: Agent, observation: Observation) -> None:
@@ -156,12 +155,12 @@ class ObjectTransport(AgentTransport):
         self._put(AgentLost(agent=self._name, reason=f"{text}: {trace.strip()}"))
 
 
-# An agent that still thinks when the run is over is left to itself.
+# An agent that still decides after that is left to itself.
 END_TIMEOUT_S = 2.0
 
 
 class WorkerThread:
-    """A thread that does one thing after another; agents of one process share it, as they share a process elsewhere."""
+    """Thread that does one task after another, for agents that are one process when they are not objects."""
 
     def __init__(self) -> None:
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -169,14 +168,14 @@ class WorkerThread:
         self._has_begun = False
 
     def do(self, task: Callable[[], None]) -> None:
-        """Let the thread do something after all that it was given before."""
+        """Queue a task for the thread."""
         if not self._has_begun:
             self._has_begun = True
             self._thread.start()
         self._tasks.put(task)
 
     def finish(self) -> None:
-        """Wait until all is done, but not for ever."""
+        """Wait until all tasks are done, at most `END_TIMEOUT_S`."""
         if self._has_begun:
             self._tasks.put(None)
             self._thread.join(END_TIMEOUT_S)
@@ -189,7 +188,7 @@ class WorkerThread:
 class ThreadedTransport(AgentTransport):
     """Transport that lets an agent object decide on a worker's thread, while time goes on; see `AgentTransport`.
 
-    An agent that is slower than time sees every observation, but of the questions it is asked the last one alone.
+    An agent that is slower than time gets every observation, but decides on the latest question alone.
     """
 
     def __init__(self, link: ObjectTransport, worker: WorkerThread) -> None:
@@ -203,7 +202,7 @@ class ThreadedTransport(AgentTransport):
         self._worker.do(lambda: self._link.brief(briefing, payload))
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent look, and decide unless there is something newer by then; see `AgentTransport`."""
+        """Let the agent observe, and decide unless a newer question has come; see `AgentTransport`."""
         if observation.awaiting_command:
             self._newest_question = observation.tick
         self._worker.do(lambda: self._look(codec.decode(Observation, payload), payload))
@@ -223,7 +222,7 @@ class ThreadedTransport(AgentTransport):
 
 
 class SteppedTransport(AgentTransport):
-    """Transport to an agent that the caller of a stepped run commands; it keeps what the agent gets and is asked."""
+    """Transport to an agent that the caller of a stepped run commands; it keeps briefing, observation and questions."""
 
     def __init__(self) -> None:
         self.briefing: Briefing | None = None
@@ -255,16 +254,16 @@ REPEAT_QUESTION_AFTER_S = 1.0
 class AgentSession:
     """Agent of a run: its validator and its transport, with deadlines, log and statistics.
 
-    Methods return the commands that count now, with their bytes; the holder of the session delivers them. `journal`
-    gets each of them; `log_tail` returns the end of the agent's log; `observation_log` keeps the agent's observations
-    where the run takes snapshots; `machine` notes decisions and faults where the run is recorded. Times are those of
-    the monotonic clock [s].
+    `deliver` and `journal` get each command that counts, the former with its bytes; `log_tail` returns the end of the
+    agent's log; `observation_log` keeps the agent's observations where the run takes snapshots; `machine` notes
+    decisions and faults where the run is recorded. Times are those of the monotonic clock [s].
     """
 
     agent: str
     validator: CommandValidator
     transport: AgentTransport
     answer_within_s: float
+    deliver: Callable[[SentMessage], None] = lambda _: None
     journal: Callable[[Command], None] = lambda _: None
     log_tail: Callable[[], str] = lambda: ""
     observation_log: ObservationLog | None = None
@@ -285,7 +284,7 @@ class AgentSession:
 
     @property
     def state(self) -> ParticipantState:
-        """State of the agent for a person to watch."""
+        """State of the agent in a run's status."""
         return "joining" if self.is_awaited else "deciding" if self.is_pending else "waiting"
 
     @property
@@ -295,14 +294,14 @@ class AgentSession:
 
     @property
     def is_awaited(self) -> bool:
-        """True when the run cannot start without the agent; one that is known to be lost is not waited for."""
+        """True when the run cannot start without the agent; a lost one is not waited for."""
         return not (self.is_ready or self.validator.faults)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing."""
         self.transport.brief(briefing, payload)
 
-    def observe(self, observation: ObservationOrHead, payload: bytes) -> list[SentMessage]:
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Send the agent an observation."""
         self.last_tick = observation.tick
         if self.observation_log is not None:
@@ -310,42 +309,40 @@ class AgentSession:
         commands = self.validator.on_observation(observation)
         if self.validator.pending and self._asked_at_s is None:
             self._asked_at_s = self._repeated_at_s = time.monotonic()
-        passed = self._publish(commands)
+        self._publish(commands)
         self.transport.observe(observation, payload)
-        return passed
 
-    def handle(self, event: AgentEvent) -> list[SentMessage]:
-        """Take what the agent did."""
+    def handle(self, event: AgentEvent) -> None:
+        """Handle an event of the agent."""
         match event:
             case AgentJoined():
                 self.is_ready = True
-                return []
             case CommandReceived() | CommandRefused():
-                return self._handle_answer(event)
+                self._handle_answer(event)
             case AnswerMissed(text=text):
-                return self.mark_lost(text) if self.validator.pending else []
+                if self.validator.pending:
+                    self.mark_lost(text)
             case AgentLost(reason=reason):
-                return self.mark_lost(reason)
+                self.mark_lost(reason)
 
-    def mark_lost(self, reason: str) -> list[SentMessage]:
+    def mark_lost(self, reason: str) -> None:
         """Record that the agent is lost."""
         words = self.log_tail()
-        return self._publish(self.validator.on_lost(f"{reason} The end of its log: {words}" if words else reason))
+        self._publish(self.validator.on_lost(f"{reason} The end of its log: {words}" if words else reason))
 
-    def check_deadline(self) -> list[SentMessage]:
+    def check_deadline(self) -> None:
         """Give the agent up where it has owed an answer for too long; repeat a question that may have got lost."""
         if self._asked_at_s is None:
-            return []
+            return
         now_s = time.monotonic()
         if now_s - self._asked_at_s > self.answer_within_s:
-            return self.mark_lost(f"the agent did not answer within {self.answer_within_s:g} s.")
-        if self.transport.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
+            self.mark_lost(f"the agent did not answer within {self.answer_within_s:g} s.")
+        elif self.transport.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
             self._repeated_at_s = now_s
             self.transport.repeat()
-        return []
 
     def extend_deadlines(self, missed_s: float) -> None:
-        """Let the agent have its time again that this process has missed [s]."""
+        """Add the time [s] in which this process stood still to the agent's deadline."""
         if self._asked_at_s is not None:
             self._asked_at_s = min(self._asked_at_s + missed_s, time.monotonic())
 
@@ -356,7 +353,7 @@ class AgentSession:
         self.machine.close()
         self.transport.end(ending, codec.encode(ending))
 
-    def _handle_answer(self, event: CommandReceived | CommandRefused) -> list[SentMessage]:
+    def _handle_answer(self, event: CommandReceived | CommandRefused) -> None:
         match event:
             case CommandReceived(payload=payload, decided_in_s=decided_in_s):
                 commands = self.validator.on_answer(payload)
@@ -365,27 +362,25 @@ class AgentSession:
         if self._asked_at_s is not None:
             waited_s = time.monotonic() - self._asked_at_s
             self.decisions_s.append(waited_s if decided_in_s is None else decided_in_s)
-            # What is run again was decided before.
+            # A repeated command was decided before.
             if decided_in_s != 0.0:
                 asked_tick = commands[0].tick if commands else self.last_tick
                 self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])
         self.transport.acknowledge(event)
-        return self._publish(commands)
+        self._publish(commands)
 
-    def _publish(self, commands: Iterable[Command]) -> list[SentMessage]:
+    def _publish(self, commands: Sequence[Command]) -> None:
         for fault in self.validator.faults[self._n_faults_noted :]:
             self.machine.failed(f"agent {fault.agent}", fault.tick, fault.text)
         self._n_faults_noted = len(self.validator.faults)
-        passed: list[SentMessage] = []
         for command in commands:
             sent = SentMessage(keys.command(self.agent), command, codec.encode(command))
             self.trail.append(command.tick, sent.payload)
             self.journal(command)
-            passed.append(sent)
-        if passed:
+            self.deliver(sent)
+        if commands:
             self._repeated_at_s = time.monotonic()
             self._asked_at_s = self._repeated_at_s if self.validator.pending else None
-        return passed
 
 
 def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) -> AgentSession:
@@ -403,9 +398,58 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
     )
 
 
-def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
-    """Return one moment of all agents."""
-    return [
-        ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
-        for name, session in sessions.items()
-    ]
+class AgentSessions(dict[str, AgentSession]):
+    """Sessions of all agents of a run, by agent."""
+
+    def __init__(self, sessions: Mapping[str, AgentSession]) -> None:
+        super().__init__(sessions)
+        self._pauses = PauseDetector()
+
+    @property
+    def are_pending(self) -> bool:
+        """True when simulated time may have to wait for an agent."""
+        return any(session.is_pending for session in self.values())
+
+    @property
+    def awaited(self) -> list[str]:
+        """Agents without which the run cannot start."""
+        return [name for name, session in self.items() if session.is_awaited]
+
+    @property
+    def faults(self) -> list[AgentFault]:
+        """Faults of all agents, by tick."""
+        return collect_faults(session.validator for session in self.values())
+
+    @property
+    def trails(self) -> dict[str, HashChain]:
+        """Chains of the commands that have passed, by port."""
+        return {keys.command(name): session.trail for name, session in self.items()}
+
+    def look(self) -> list[ParticipantStatus]:
+        """Return the status of all agents."""
+        return [
+            ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
+            for name, session in self.items()
+        ]
+
+    def check_deadlines(self) -> None:
+        """Give up each agent that has owed an answer for too long; repeat questions that may have got lost."""
+        for session in self.values():
+            session.check_deadline()
+
+    def renew_deadlines(self) -> float:
+        """Extend all deadlines by the time [s] in which this process stood still since the last call, and return it."""
+        missed_s = self._pauses.missed_s(time.monotonic())
+        if missed_s > 0:
+            for session in self.values():
+                session.extend_deadlines(missed_s)
+        return missed_s
+
+    def end(self, verdict: Verdict | None) -> None:
+        """Send all agents the end of the run."""
+        if verdict is None:
+            ending = Ending(tick=0, reason="the run was ended")
+        else:
+            ending = Ending(tick=verdict.tick, reason=verdict.end_reason)
+        for session in self.values():
+            session.end(ending)

@@ -25,16 +25,16 @@ from gslcosim.runtime.stepper import ClockPace, MissingInput, SentMessage, Snaps
 
 
 def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
-    """Report to the supervisor what has ended a participant."""
+    """Report to the supervisor the error that has ended a participant."""
     text = format_fault(error, "".join(traceback.format_exception(error)))
     note = protocol.FaultReport(participant=participant, tick=tick, text=text[-protocol.MAX_TEXT :])
     bus.publish(protocol.FAULT_KEY, note.to_bytes(), urgent=True)
 
 
-# Links between services may come up later than those to the router. Who is not there by then asks again for what it has
-# missed.
+# Links between services may come up later than those to the router. A reader that comes after that requests the
+# messages that it has missed.
 SUBSCRIBER_TIMEOUT_S = 5.0
-# And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
+# Far less than the window of credit, so that no writer waits for a report that is not sent yet.
 PROGRESS_PERIOD_TICKS = 64
 _PROGRESS_WINDOW_DIVISOR = 4
 # A slow run shows that it moves.
@@ -43,11 +43,11 @@ BUNDLE_TICKS = 64
 
 
 class ParticipantLink:
-    """Link of one participant to the bus: what it writes goes out, and what it answers to others.
+    """Link of one participant to the bus: its outputs, and its answers to the others' queries.
 
     Args:
-        neighbours: The participants of its process; what only they read does not travel.
-        extra_ticks: For so many ticks more messages are kept for who has missed them.
+        neighbours: The participants of its process; messages that only they read do not travel.
+        extra_ticks: Further ticks for which messages are kept for readers that missed them.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class ParticipantLink:
             )
         }
         readers = dataflow.readers_of[self.name]
-        # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
+        # A reader that misses a message is at most a window behind, and requests it before its writer is another ahead.
         self.kept = RetransmitBuffer(
             extra_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])
         )
@@ -93,7 +93,7 @@ class ParticipantLink:
 
     @property
     def is_awaited(self) -> bool:
-        """True when somebody may wait for what it writes."""
+        """True when a participant may wait for its outputs."""
         return bool(self.stepper.spec.writes)
 
     @property
@@ -119,7 +119,7 @@ class ParticipantLink:
 
     def flush(self) -> None:
         """Send what waits."""
-        # A large message would only burden those who do not read it: it travels on its own key, as do those to agents.
+        # A large message travels on its own key, as do those to agents: a bundle also goes to others than its readers.
         bundled: list[tuple[str, bytes]] = []
         alone: list[SentMessage] = []
         for sent in self._bundle:
@@ -131,7 +131,7 @@ class ParticipantLink:
         if bundled:
             self._bus.publish(self._bundle_key, protocol.pack_bundle(bundled))
         for sent in alone:
-            # To nobody where nobody listens: Zenoh sends nothing that has no reader.
+            # Zenoh sends nothing that has no reader.
             encoding, is_question = codec.get_encoding(type(sent.message)), sent.message.is_question
             self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
             if is_question:
@@ -140,7 +140,7 @@ class ParticipantLink:
         self._bundled_from = self.gate.next_tick
 
     def report_progress_if_due(self) -> None:
-        """Report now and then which tick is finished: writers count on it, and the supervisor."""
+        """Report the finished tick now and then, on which writers and the supervisor rely."""
         n_ticks = self.last_tick - self._reported_tick
         if n_ticks >= self._progress_every_ticks or time.monotonic() - self._reported_at_s > PROGRESS_PERIOD_S:
             self.report_progress()
@@ -153,15 +153,15 @@ class ParticipantLink:
                 protocol.build_progress_key(self.name), protocol.TickReport(tick=self.last_tick).to_bytes()
             )
 
-    # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
+    # A writer that has missed its readers' reports, or began after them, would wait for ever.
     def query_readers(self, put: Callable[[bytes], None]) -> None:
-        """Ask those whose credit it lacks how far they are; `put` is called, on any thread."""
+        """Query the readers whose credit it lacks for their tick; `put` is called, on any thread."""
         for reader in self.gate.lacking_credit():
             if reader in self.outer_readers:
                 self._bus.ask(protocol.build_finished_key(reader), b"", lambda _, payload: put(payload))
 
     def description(self) -> bytes:
-        """Return what it is; may be called on any thread."""
+        """Return the participant's description; may be called on any thread."""
         return protocol.ParticipantDescription(
             name=self.name,
             version=gslcosim.__version__,
@@ -175,7 +175,7 @@ class ParticipantLink:
         return protocol.ReaderReport(name=self.name, tick=self.last_tick).to_bytes()
 
     def inspection(self) -> bytes:
-        """Return how it goes, for somebody who looks; may be called on any thread."""
+        """Return the participant's status; may be called on any thread."""
         return protocol.ParticipantInspection(**asdict(self.stepper.look())).to_bytes()
 
     def send_final_report(self) -> None:
@@ -201,7 +201,7 @@ _READER_CONNECTED = "reader came"
 class Host:
     """Host of the participants of a process on a bus, from joining to the final report: mostly one, or a group.
 
-    What they write for each other is handed over as it is; the rest travels. `run` returns when the supervisor has
+    Their messages for each other are handed over as they are; the rest travels. `run` returns when the supervisor has
     dismissed them. It raises what a core raises, after reporting to the supervisor, and `RunTimeoutError` when the
     link to the router is lost.
     """
@@ -267,8 +267,8 @@ class Host:
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
 
-        Where all of them only read they are reset last: nobody waits for what they write, and messages wait for them.
-        Beside one that others wait for, every reset has to come before the first tick.
+        Participants that only read are reset last: no other waits for them, and messages wait for them. Beside one that
+        others wait for, every reset has to come before the first tick.
         """
         is_awaited = any(link.is_awaited for link in self._links)
         if is_awaited:
@@ -403,11 +403,11 @@ class Host:
         ask_at_s = time.monotonic() + patience_s
         self._asked.clear()
         if self._was_resent:
-            # Where one was missing the next most likely is, too: a participant that catches up waits for nothing else.
+            # After one missing message the next most likely is missing, too, while a participant catches up.
             self._was_resent = False
             for link in self._links:
                 self._ask_again(link, only_lost=False)
-        # Nobody could step just now; where time alone is waited for, that may have changed.
+        # None could step just now; where only the clock held one back, that may have changed.
         is_known_to_wait = not self._loop.is_paced
         while not self._are_finished and (is_known_to_wait or not self._loop.can_any_step()):
             is_known_to_wait = False
@@ -436,9 +436,9 @@ class Host:
             self._ask_again(link, only_lost=False)
             link.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
 
-    # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
+    # A message that later ones of its port have overtaken is lost for sure; after a while any may be.
     def _ask_again(self, link: ParticipantLink, *, only_lost: bool) -> None:
-        # What other processes write.
+        # Messages of other processes.
         for missing in (each for each in link.gate.missing() if each.port in link.outer_ports_read):
             if missing in self._asked or (only_lost and not link.gate.has_later(missing)):
                 continue
@@ -503,7 +503,7 @@ class Host:
 
     def _on_lost_link(self, _: bytes) -> None:
         if self._has_said_goodbye:
-            # On a bad link the last word may come too late; nobody needs us any more.
+            # On a bad link the dismissal may be lost; no other process needs this one any more.
             self._is_dismissed = True
             return
         raise RunTimeoutError(

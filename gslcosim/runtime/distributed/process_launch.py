@@ -185,7 +185,7 @@ def run_distributed(
         supervisor.shut_down()
         if fork_server is not None:
             fork_server.wake()
-        # Before its start nobody has anything to finish, and who has not joined yet hears nothing.
+        # Before the start no process has anything to finish, and one that has not joined gets no message.
         children.wait(EXIT_TIMEOUT_S if supervisor.has_begun else 0.0)
         if offering is not None:
             offering.wait_until_gone(EXIT_TIMEOUT_S)

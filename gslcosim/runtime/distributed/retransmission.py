@@ -26,7 +26,7 @@ class RetransmitBuffer:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, sent: SentMessage) -> None:
-        """Remember a message and forget those that are too old for anybody to ask for."""
+        """Keep a message and drop those that are too old to be requested."""
         tick = sent.message.tick
         with self._lock:
             payloads = self._payloads.setdefault(sent.port, OrderedDict())

@@ -4,20 +4,17 @@ import queue
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import takewhile
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.processes import Interruption
-from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentJoined, AgentLost, build_agent_statuses, build_session
-from gslcosim.runtime.agents.validator import collect_faults
+from gslcosim.runtime.agents.session import AgentJoined, AgentSessions, build_session
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import (
@@ -30,63 +27,22 @@ from gslcosim.runtime.distributed.protocol import (
 )
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
-from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
-from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_stop
+from gslcosim.runtime.processes.stop_detection import describe_stop
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus
+from gslcosim.runtime.status import RunStatus, StatusReporter
 from gslcosim.runtime.stepper import SnapshotPolicy
 from gslcosim.scenario.models.scenario import AgentSpec
 
-STATUS_PERIOD_S = 0.1
-# Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
-LATE_AFTER_S = 4.0
-
-
-class StatusReporter:
-    """Reporter of a run's status: not too often, but each state at once."""
-
-    def __init__(
-        self,
-        report: Callable[[RunStatus], None],
-        tick_ns: int,
-        participants: Callable[[], list[ParticipantStatus]],
-    ) -> None:
-        self._report = report
-        self._tick_ns = tick_ns
-        self._participants = participants
-        self._reported_at_s, self._reported_state = 0.0, ""
-
-    def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
-        """Report who has not joined yet, and after a while for how long."""
-        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
-        if is_late:
-            text = f"{text}, not here after {waited_s:.0f} s"
-        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
-
-    def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Report how far the run has come, and notes besides."""
-        sim_time_s = seconds_from_ticks(tick, self._tick_ns)
-        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
-        self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
-
-    def _report_status(self, status: RunStatus) -> None:
-        now_s = time.monotonic()
-        if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
-            self._reported_at_s, self._reported_state = now_s, status.state
-            self._report(replace(status, participants=self._participants))
-
-
-# Who has not answered by then is silent: it is stopped, or its process has too much to do.
+# A participant without an answer by then is silent: it is stopped, or its process has too much to do.
 INSPECTION_TIMEOUT_S = 0.5
-
-
 POLL_PERIOD_S = 0.1
 # A service that has started or ended ignores the next signal.
 SIGNAL_PERIOD_S = 1.0
-# Between two looks at the clock, however many messages an agent sends.
+# Limit between two checks of deadlines, for an agent that sends without end.
 MAX_EVENTS_AT_ONCE = 256
 
 
@@ -101,7 +57,7 @@ class RunEndedError(Exception):
 class Supervisor:
     """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name.
 
-    What it hears comes as events from many threads and is handled on the one that calls `fly`.
+    Events come from many threads and are handled on the one that calls `fly`.
     """
 
     def __init__(
@@ -127,6 +83,7 @@ class Supervisor:
             if agent.name not in gateway
         }
         self._agent_hosts = {agent.name: self._build_agent_host(agent) for agent in setup.scenario.agents}
+        self._sessions = AgentSessions({name: host.session for name, host in self._agent_hosts.items()})
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
@@ -134,7 +91,6 @@ class Supervisor:
         self._verdict: Verdict | None = None
         # The fault before which all others still have ticks to do.
         self._fault: ServiceFault | None = None
-        self._pauses = PauseDetector()
         self._signalled_at_s = 0.0
         self._started_at_s: float | None = None
         self._ended_at_s: float | None = None
@@ -145,14 +101,14 @@ class Supervisor:
         return self._started_at_s is not None
 
     def listen(self) -> None:
-        """Hear services and agents from now on."""
+        """Subscribe to services and agents."""
         bus = self._bus
         for name, host in self._agent_hosts.items():
             bus.subscribe(keys.briefing(name), self._put)
             host.listen()
         for link in self._bus_links.values():
             link.listen()
-        # Observations and the verdict come in the bundles of those who write them.
+        # Observations and the verdict come in their writers' bundles.
         for name in ("sensing", "referee"):
             bus.subscribe(protocol.build_outgoing_bundles_key(name), self._put)
         bus.subscribe(protocol.FAULT_KEY, self._put)
@@ -166,7 +122,7 @@ class Supervisor:
         self._events.put(MessageReceived(key, payload))
 
     def await_all_ready(self, interruption: Interruption) -> None:
-        """Wait until all services and agents are there, or interruption."""
+        """Wait until all services and agents have joined, or for an interruption."""
         began_s = time.monotonic()
         while lacking := self._not_ready():
             if interruption.is_set():
@@ -181,7 +137,7 @@ class Supervisor:
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
-        """Let simulated time begin, and watch until all services are done and have been heard out, or interruption."""
+        """Start simulated time, and watch until all services have sent their last message, or an interruption."""
         if interruption.is_set():
             return
         self._started_at_s = time.perf_counter()
@@ -200,18 +156,18 @@ class Supervisor:
                 state = "flying" if self._verdict is None else "closing"
                 self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)
         except RunEndedError:
-            # Where what comes before a fault can not be finished, that is still the cause.
+            # The fault remains the cause where the ticks before it cannot be finished.
             self._raise_fault()
             raise
         self._raise_fault()
 
-    # A verdict before it is the end of the run; one that was given beyond it never was.
+    # A verdict before the fault ends the run; a later one does not count.
     def _raise_fault(self) -> None:
         if self._fault is not None and (self._verdict is None or self._verdict.tick > self._fault.tick):
             self._verdict = None
             raise RunEndedError(self._fault)
 
-    # A service that lost the start would wait for it, and one that lost the stop would go on, until the run times out.
+    # A service that missed the start would wait, and one that missed the stop would go on, until the run times out.
     def _repeat_signals(self) -> None:
         now_s = time.monotonic()
         if now_s - self._signalled_at_s < SIGNAL_PERIOD_S:
@@ -228,26 +184,26 @@ class Supervisor:
     def shut_down(self) -> None:
         """Send agents and services the end of the run."""
         self._ended_at_s = time.perf_counter()
-        for host in self._agent_hosts.values():
-            host.session.end(build_ending(self._verdict))
+        self._sessions.end(self._verdict)
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
-        """Add to the outcome what services and agents have left: verdict, faults, timing, digest."""
+        """Add verdict, faults, timing and digest to the outcome."""
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
         reports, verdict = self._watchdog.final_reports, self._verdict
-        outcome.verdict = verdict
-        outcome.agent_faults = collect_faults(host.session.validator for host in self._agent_hosts.values())
-        outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
-        accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
-        outcome.summary = {key: value for account in accounts for key, value in account.items()}
-        reached = self._fault.tick if self._fault and self._watchdog.is_finished else self._watchdog.finished_tick
-        outcome.ticks_flown = verdict.tick if verdict else reached
+        ending = self._fault if self._watchdog.is_finished else None
+        outcome.collect(
+            self._sessions,
+            verdict=verdict,
+            reached_tick=ending.tick if ending else self._watchdog.finished_tick,
+            timing={name: report.timing for name, report in sorted(reports.items())},
+            summaries=(*(report.summary for report in reports.values()), self._restarts.summary),
+        )
         if verdict is None or outcome.fault is not None or not self._watchdog.is_finished:
             return
         writer_of = build_dataflow(self._setup.scenario).writer_of
-        trails = {keys.command(name): host.session.trail for name, host in self._agent_hosts.items()}
+        trails = self._sessions.trails
         for name, report in reports.items():
             written = {port for port, writer in writer_of.items() if writer == name}
             if report.last_tick < verdict.tick or report.trails.keys() != written:
@@ -264,7 +220,7 @@ class Supervisor:
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
         return AgentHost(session, self._bus, lambda got: self._put(keys.observation(agent.name), got), more_ticks)
 
-    # Services are asked only when a client wants to see them; on any thread.
+    # Services are queried only for a client of the status; on any thread.
     def _look(self) -> list[ParticipantStatus]:
         answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         asked = [name for name in self._services if name not in self._watchdog.final_reports]
@@ -278,7 +234,7 @@ class Supervisor:
                 inspection = protocol.ParticipantInspection.from_bytes(payload)
                 came[inspection.name] = inspection.as_status()
         services = [came.get(name) or self._describe_silent(name) for name in self._services]
-        return services + build_agent_statuses({name: host.session for name, host in self._agent_hosts.items()})
+        return services + self._sessions.look()
 
     # A service is silent only where it answers neither of two questions.
     def _look_twice(self) -> list[ParticipantStatus]:
@@ -291,7 +247,7 @@ class Supervisor:
         state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
         return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
 
-    # ------------------------------------------------------------ what it hears
+    # ------------------------------------------------------------ events
 
     def _handle_next(self) -> None:
         try:
@@ -318,16 +274,16 @@ class Supervisor:
             case Interrupted() | ProcessStopped():
                 return
             case _:
-                self._agent_hosts[event.agent].handle(event)
+                self._sessions[event.agent].handle(event)
 
-    # A service that ends by itself reports why, but its end may be seen before that has come over the bus.
+    # A service that ends by itself reports the reason, but its end may be detected before the report has come.
     def _take_last_messages(self) -> None:
         deadline_s = time.monotonic() + LOST_CONTACT_GRACE_S
         while (left_s := deadline_s - time.monotonic()) > 0:
             with suppress(queue.Empty):
                 self._handle(self._events.get(timeout=left_s))
 
-    # A name that is none of the run's comes from a host that lies; it has no handler.
+    # A name that is none of the run's comes from a hostile host; it has no handler.
     def _on_message(self, key: str, payload: bytes) -> None:
         if key.startswith(protocol.BUNDLE_PREFIX):
             for port, message in protocol.unpack_bundle(payload):
@@ -369,9 +325,9 @@ class Supervisor:
             if name not in self._bus_links:
                 return
             if is_alive:
-                self._agent_hosts[name].handle(AgentJoined(agent=name))
+                self._sessions[name].handle(AgentJoined(agent=name))
             else:
-                # Its process may have ended too; that says more, and comes within a moment.
+                # The end of its process, which explains more, may come within a moment.
                 self._departed_at_s.setdefault(name, time.monotonic())
         elif name not in self._watchdog:
             return
@@ -402,7 +358,7 @@ class Supervisor:
     def _on_final_report(self, payload: bytes) -> None:
         report = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
-        # It is sent again until the end of the run, and so is the question.
+        # The report is repeated until the end of the run, and the question with it.
         for overdue in self._list_overdue():
             if overdue.writer == report.name:
                 question = protocol.ResendRequest(port=overdue.port, tick=overdue.tick).to_bytes()
@@ -412,8 +368,8 @@ class Supervisor:
                     lambda _, answer, port=overdue.port: self._put(port, answer),
                 )
 
-    # What services that are done have written and what has not come: each subscription has a thread of its own, so that
-    # a final report may overtake it.
+    # Messages that finished services have written and that have not come: each subscription has a thread of its own, so
+    # that a final report may overtake them.
     def _list_overdue(self) -> list[MissingMessage]:
         reports, verdict = self._watchdog.final_reports, self._verdict
         if verdict is None:
@@ -421,7 +377,7 @@ class Supervisor:
             # Before a fault it ends without one.
             ticks = [tick for tick in ticks if self._fault is None or tick < self._fault.tick]
             return [MissingMessage(port=keys.VERDICT, tick=tick, writer="referee", last_tick=-1) for tick in ticks]
-        last_ticks = {name: host.session.last_tick for name, host in self._agent_hosts.items()}
+        last_ticks = {name: session.last_tick for name, session in self._sessions.items()}
         return [
             MissingMessage(port=keys.observation(name), tick=tick + 1, writer="sensing", last_tick=tick)
             for name, tick in last_ticks.items()
@@ -439,29 +395,25 @@ class Supervisor:
         for agent in self._setup.scenario.agents:
             if get_agent_participant(agent.process) == name:
                 reason = f"the agent's process {how} before the end of the run."
-                self._agent_hosts[agent.name].handle(AgentLost(agent=agent.name, reason=reason))
+                self._sessions[agent.name].mark_lost(reason)
 
     # ------------------------------------------------------------ time
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]
-        return services + [name for name, host in self._agent_hosts.items() if host.session.is_awaited]
+        return services + self._sessions.awaited
 
     def _give_up_on(self, lacking: list[str]) -> None:
         for name in lacking:
-            if name not in self._agent_hosts:
+            if name not in self._sessions:
                 raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
-            self._agent_hosts[name].mark_lost(self._gateway.describe_absence(name))
+            self._sessions[name].mark_lost(self._gateway.describe_absence(name))
 
-    # While this process stood still nobody was late.
+    # No service was late while this process stood still.
     def _renew(self) -> float:
-        now_s = time.monotonic()
-        missed_s = self._pauses.missed_s(now_s)
+        missed_s = self._sessions.renew_deadlines()
         if missed_s > 0:
-            self._watchdog.extend_deadlines(missed_s, now_s)
-            # An agent's deadlines are those of its session; one that has left has left.
-            for host in self._agent_hosts.values():
-                host.session.extend_deadlines(missed_s)
+            self._watchdog.extend_deadlines(missed_s, time.monotonic())
         return missed_s
 
     def _check_time(self) -> None:
@@ -470,12 +422,11 @@ class Supervisor:
         for name, since_s in list(self._departed_at_s.items()):
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 del self._departed_at_s[name]
-                self._agent_hosts[name].mark_lost(f"the agent left the run before its end.{self._watchdog.pause_text}")
-        for host in self._agent_hosts.values():
-            if host.session.is_pending:
-                # An agent that owes an answer is not a stall of the run; it has its own deadline.
-                self._watchdog.moved(now_s)
-                host.check_deadline()
+                self._sessions[name].mark_lost(f"the agent left the run before its end.{self._watchdog.pause_text}")
+        if self._sessions.are_pending:
+            # An agent that owes an answer is not a stall of the run; it has its own deadline.
+            self._watchdog.moved(now_s)
+        self._sessions.check_deadlines()
         is_judged, overdue = self._verdict is not None or self._fault is not None, self._list_overdue()
         fault = self._watchdog.check(now_s, is_judged=is_judged, look=self._look_twice, overdue=overdue)
         if fault is not None:

@@ -72,11 +72,11 @@ class Watchdog:
         return max(self._progress.get(name, 0), 0)
 
     def moved(self, now_s: float) -> None:
-        """Take note that simulated time has not stalled, or waits for somebody with a deadline of its own."""
+        """Take note that simulated time has not stalled, or waits for an agent with a deadline of its own."""
         self._moved_at_s = now_s
 
     def record_progress(self, name: str, note: TickReport, now_s: float) -> None:
-        """Take note of a finished tick; sessions of agents report theirs too, which says nothing about services."""
+        """Take note of a finished tick; the reports of agents' sessions do not count."""
         if note.tick > self._progress.get(name, note.tick):
             self._progress[name] = note.tick
             self._moved_at_s = now_s
@@ -90,7 +90,7 @@ class Watchdog:
     def record_contact_lost(self, name: str, now_s: float) -> None:
         """Take note that a service's token has vanished.
 
-        Its process may have ended too; that says more, and comes within a moment.
+        The end of its process, which explains more, may come within a moment.
         """
         self._lost_since_s.setdefault(name, now_s)
 
@@ -99,7 +99,7 @@ class Watchdog:
         self._lost_since_s.pop(name, None)
 
     def extend_deadlines(self, missed_s: float, now_s: float) -> None:
-        """Move all deadlines by time [s] in which nobody looked, until now."""
+        """Move all deadlines by the time [s] in which this process stood still, until now."""
         self._missed_s = missed_s
         self._moved_at_s = min(self._moved_at_s + missed_s, now_s)
         self._lost_since_s = {name: min(since_s + missed_s, now_s) for name, since_s in self._lost_since_s.items()}
@@ -117,11 +117,11 @@ class Watchdog:
         look: Callable[[], Sequence[ParticipantStatus]],
         overdue: Sequence[MissingMessage] = (),
     ) -> ServiceFault | None:
-        """Return who is at fault where contact is lost or nothing moves any more.
+        """Return the fault of a service where contact is lost or nothing moves any more.
 
         Args:
-            is_judged: Whether the verdict is there, so that services only have to finish.
-            overdue: What services that are done have written, and what has not come.
+            is_judged: True after the verdict, when services only have to finish.
+            overdue: Messages of finished services that have not come.
         """
         if (fault := self.find_lost(now_s)) is not None:
             return fault
@@ -134,7 +134,7 @@ class Watchdog:
         return self._stall(limit_s, look())
 
     def find_lost(self, now_s: float) -> ServiceFault | None:
-        """Return who is at fault where contact is lost, also before simulated time begins."""
+        """Return the fault of a service where contact is lost, also before simulated time begins."""
         for name, since_s in self._lost_since_s.items():
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 return self.fault(name, f"contact was lost: it hangs, or its link is down.{self.pause_text}")
@@ -152,7 +152,7 @@ class Watchdog:
         stall = explain_stall(participants)
         unreported = [name for name in self._services if name not in self.final_reports] or self._services
         culprit = min(unreported, key=lambda name: self._progress[name]) if stall is None else stall.culprit
-        # What it says itself is newer than what it reports now and then.
+        # Its own status is newer than its last report.
         seen = [participant.tick for participant in participants if participant.name == culprit]
         tick = max(self.tick_of(culprit), *seen, 0)
         lines = [f"nothing moved for {limit_s:g} s; it is at tick {tick + 1}."]
@@ -165,8 +165,8 @@ class RestartPolicy:
     """Decides whether a process that has died is started again. It waits for nothing and reads no clock.
 
     A process is started again as long as the run has come further since it last died, and otherwise `restart.tries`
-    times: what dies at the same tick again and again is a fault. One that only reads, such as the recorder, is not:
-    what it has seen is nowhere else.
+    times: a death at the same tick again and again is a fault. One that only reads, such as the recorder, is not:
+    its past inputs are nowhere else.
     """
 
     scenario: Scenario
@@ -185,7 +185,7 @@ class RestartPolicy:
         )
 
     def absorbs_fault(self, note: protocol.FaultReport) -> bool:
-        """Take what a service says of its own failure; return whether its end is waited for, to start it again."""
+        """Take a service's report of its failure; return whether its end is waited for, to start it again."""
         process = next((get_process_name(group) for group in self.groups if note.participant in group), "")
         if not process or not self.covers(process):
             return False
@@ -201,7 +201,7 @@ class RestartPolicy:
         spec = self.scenario.restart
         if spec is None or not self.covers(process):
             return False
-        # Who reports an error knows its tick; of others the last reported tick is known.
+        # An error comes with its tick; otherwise the last reported one counts.
         fault = self._faults.get(process)
         if fault is not None:
             tick = max(tick, fault.tick)

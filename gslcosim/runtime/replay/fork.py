@@ -75,13 +75,13 @@ def prepare_fork(
     checks: Sequence[Check] = (),
     uses_snapshots: bool = True,
 ) -> Fork:
-    """Return what a fork flies, checked.
+    """Return a fork, checked.
 
     Args:
         at_s: From when on agents' own answers count [s of simulated time].
         overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
         checks: Further rules of scenarios; see `load_scenario`.
-        uses_snapshots: Whether it may be run from a snapshot of the run, where there is one at or before the time.
+        uses_snapshots: Allows a start at a snapshot of the run, where there is one at or before the time.
     """
     at_tick = ticks_from_seconds(at_s, past.scenario.tick_ns)
     if not 0 < at_tick <= past.last_tick:
@@ -93,7 +93,7 @@ def prepare_fork(
     loaded = _load_forked_scenario(past, overrides, checks)
     check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
     snapshot, note = find_snapshot_before(past, at_tick) if uses_snapshots else (None, "")
-    # A snapshot knows of the events that the run had.
+    # A snapshot holds the events of the run.
     if snapshot is not None and past.scenario.events != loaded.scenario.events:
         note = (
             f"The snapshot of {past.run_dir.run_id} at tick {snapshot.tick} cannot be used: "
@@ -116,7 +116,7 @@ def run_fork(
     """Run a fork and compare its past with that of the run, to the bit.
 
     Args:
-        processes: How the run is spread over processes; absent: as the scenario says.
+        processes: Distribution of the run over processes; absent: that of the scenario.
         fork_server: Forks the services; absent: one is started where it is needed.
     """
     past = fork.past
@@ -166,7 +166,7 @@ def _check_agents(fork: Fork) -> None:
             )
 
 
-# What agents are sent may be other, and what is recorded; everything else was to be the same.
+# Briefings and recordings may differ; everything else has to be equal.
 def _find_past_divergence(fork: Fork, run_dir: RunDir) -> Divergence | None:
     if fork.past.digest is None or not run_dir.digest.is_file():
         return None

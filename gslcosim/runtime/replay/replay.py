@@ -1,6 +1,5 @@
 """Replay of a run: its recorded commands stand in for the agents."""
 
-import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -12,9 +11,8 @@ from gslcosim.base.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Briefing, Command, Ending
+from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.session import (
-    AgentEvent,
     AgentLost,
     AgentTransport,
     CommandReceived,
@@ -23,7 +21,7 @@ from gslcosim.runtime.agents.session import (
     build_session,
 )
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.in_process import InProcessRun
+from gslcosim.runtime.in_process import InProcessRun, LocalAgents
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
@@ -38,9 +36,9 @@ from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayResult:
-    """A run run again: the run, and where it differs from the past one; `n_ticks` of both were compared.
+    """Replayed run, and its first difference from the past one; `n_ticks` of both were compared.
 
-    `snapshot` is where it was run from, absent where from the start; `note` says why one that is there was not used.
+    The run began at `snapshot`, or without one at its start; `note` is the reason why an existing one was not used.
     """
 
     flight: RunResult
@@ -66,11 +64,8 @@ class RecordedTransport(AgentTransport):
         self._commands = commands
         self._put = put
 
-    def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Do nothing: nobody decides again."""
-
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Answer where the agent was asked."""
+        """Answer where a command was due."""
         del payload
         if not observation.awaiting_command or self._commands is None:
             return
@@ -82,9 +77,6 @@ class RecordedTransport(AgentTransport):
             self._put(AgentLost(agent=self._agent, reason="the agent was gone from here on."))
         else:
             self._put(CommandReceived(agent=self._agent, payload=codec.encode(command), decided_in_s=0.0))
-
-    def end(self, ending: Ending, payload: bytes) -> None:
-        """Do nothing: nobody is there."""
 
 
 def replay_run(
@@ -99,13 +91,13 @@ def replay_run(
 ) -> ReplayResult:
     """Repeat a run in this process, without its agents, and compare it with the past one to the bit.
 
-    A run that came to no verdict is run as far as all its services had come.
+    A run without a verdict is replayed up to the last tick of all its services.
 
     Args:
         recording: Keys of the scenario's `recording` that are others now, such as `from_s`.
-        until_s: Where to end [s of simulated time]; absent: where the run ended.
-        snapshots_every_s: Take snapshots so often; absent: as the run did.
-        uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
+        until_s: End [s of simulated time]; absent: that of the run.
+        snapshots_every_s: Period of snapshots [s]; absent: that of the run.
+        uses_snapshots: Allows a start at a snapshot before `recording.from_s`, where there is one.
     """
     past.check_flown_here()
     began = time.perf_counter()
@@ -157,22 +149,16 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
-    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    # An agent in free mode was not asked: what took effect when is known of its session alone.
+    agents = LocalAgents()
+    # An agent in free mode has no due commands: only its session recorded the ticks of its commands.
     recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
-    sessions = {
-        agent.name: build_session(
-            agent,
-            recorded if agent.is_free else setup,
-            RecordedTransport(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
-        )
-        for agent in setup.scenario.agents
-    }
-    for session in sessions.values():
-        session.is_ready = True
+    for agent in setup.scenario.agents:
+        commands = None if agent.is_free else past.commands.get(agent.name, {})
+        transport = RecordedTransport(agent.name, commands, agents.events.put)
+        agents[agent.name] = build_session(agent, recorded if agent.is_free else setup, transport)
+        agents[agent.name].is_ready = True
     with Interruption() as interruption:
-        flight = InProcessRun(setup, sessions, events, report, until_tick=until_tick)
-        return flight.fly(interruption.is_set)
+        return InProcessRun(setup, agents, report, until_tick=until_tick).fly(interruption.is_set)
 
 
 def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Divergence | None, int]:

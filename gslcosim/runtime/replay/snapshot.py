@@ -7,6 +7,7 @@ length of its own.
 import functools
 import hashlib
 import inspect
+import io
 import platform
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,11 +24,11 @@ from gslcosim.base.extension_packages import find_extension_packages
 from gslcosim.base.files import append_bytes, open_regular_file, read_regular_file, replace_file
 from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
+from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import Environment
-from gslcosim.gateway.frame_codec import prefix_length
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.replay.object_state import ObjectState
 from gslcosim.runtime.run_dir import RunDir, get_package_version, read_cpu_flags
@@ -51,7 +52,7 @@ def build_state_adapter(core: Core) -> SupportsSnapshots:
 SCHEMA = "gslcosim/snapshot/1"
 SNAPSHOTS_FOLDER = "snapshots"
 _SNAPSHOT_SUFFIX = ".snap"
-# What a state is made of, and what computes what follows from it.
+# Code that holds states, and code that computes from them.
 _STATE_CODE = (
     *(f"gslcosim_services/{name}" for name in ("cameras", "events", "fields", "radio", "referee", "sensing", "world")),
     *(f"gslcosim/{name}" for name in (
@@ -101,7 +102,7 @@ class SnapshotPart:
     """State with which one participant resumes before the step of `tick`.
 
     `state` is that of its core, `memory` that of its gate, `trails` are its chains of hashes by port, and `outputs` the
-    messages, as (port, payload), that somebody may still need. `made_by` hashes the code of a core of another package.
+    messages, as (port, payload), that a reader may still need. `made_by` hashes the code of a core of another package.
     """
 
     participant: str
@@ -128,7 +129,7 @@ class SnapshotPart:
         """Return what a file holds.
 
         Args:
-            is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
+            is_of_this_run: True where the run that has written it goes on: then it needs no signature.
         """
         try:
             head, body = _msgpack.unpackb(data)
@@ -150,17 +151,14 @@ class SnapshotPart:
 
 
 def hash_external_core(core: object) -> str:
-    """Return a hash of the file of a core of another package, whose version says nothing; empty for our own."""
+    """Return a hash of the file of a core of another package; empty for our own, which have a version."""
     if type(core).__module__.startswith("gslcosim."):
         return ""
     try:
-        return _hash(Path(inspect.getfile(type(core))).read_bytes())
+        code = Path(inspect.getfile(type(core))).read_bytes()
+        return hashlib.blake2b(code, digest_size=16).hexdigest()
     except (OSError, TypeError):
         return ""
-
-
-def _hash(data: bytes) -> str:
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
 OBSERVATIONS_FOLDER = "told"
@@ -204,15 +202,13 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
     """Yield the observations of an agent, from tick 0 on."""
     try:
         with open_regular_file(folder / f"{agent}.log") as file:
-            while piece := file.read(int.from_bytes(file.read(4), "big")):
+            while (piece := read_frame(file)) is not None:
                 unpacker = zlib.decompressobj()
-                rest = unpacker.decompress(piece, _MAX_UNPACKED_BYTES)
+                observations = io.BytesIO(unpacker.decompress(piece, _MAX_UNPACKED_BYTES))
                 if not unpacker.eof or unpacker.unused_data:
                     raise SnapshotError(f"without what {agent} was told (damaged)")
-                while rest:
-                    n = int.from_bytes(rest[:4], "big")
-                    yield rest[4 : 4 + n]
-                    rest = rest[4 + n :]
+                while (observation := read_frame(observations)) is not None:
+                    yield observation
     except (OSError, zlib.error) as error:
         raise SnapshotError(f"without what {agent} was told ({error})") from error
     raise SnapshotError(f"without all that {agent} was told")
@@ -236,7 +232,7 @@ class Snapshot:
         return _load_part(self.folder, participant)
 
     def messages(self, dataflow: Dataflow) -> list[tuple[str, Message]]:
-        """Return the messages that somebody may still need, with their ports."""
+        """Return the messages that a reader may still need, with their ports."""
         return [
             (port, codec.decode(dataflow.message_types[port], payload))
             for spec in dataflow.participants
@@ -277,7 +273,7 @@ def find_nearest_snapshot(
     """Return the last snapshot at or before a tick that can be used, or why there is none, as a sentence.
 
     Args:
-        scenario: The run's; what its agents were sent must be there too.
+        scenario: The run's, with whose agents' observations the snapshot is complete.
     """
     folders = [folder for folder in _list_folders(run_dir) if int(folder.name) <= until_tick]
     reason = ""

@@ -43,11 +43,10 @@ from gslcosim.runtime.agents.loader import find_python_agent, load_python_agent
 from gslcosim.runtime.agents.session import AgentEvent, AgentSession, AgentTransport, ObjectTransport
 from gslcosim.runtime.agents.validator import CommandValidator
 from gslcosim.runtime.network import Network
-from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
-from gslcosim.runtime.processes.stop_detection import StopMonitor
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.stepper import SentMessage
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.problems import did_you_mean
@@ -257,14 +256,16 @@ class LogSession:
     def ask(self, observation: Observation) -> Command:
         """Return the command that answers an observation."""
         session, self._tick = self._session, observation.tick
-        passed = session.observe(observation, codec.encode(observation))
+        answers: list[SentMessage] = []
+        session.deliver = answers.append
+        session.observe(observation, codec.encode(observation))
         # What an agent says after its answer belongs to this question too.
-        while not (passed and self._events.empty()):
+        while not (answers and self._events.empty()):
             try:
-                passed += session.handle(self._events.get(timeout=_POLL_S))
+                session.handle(self._events.get(timeout=_POLL_S))
             except queue.Empty:
-                passed += session.check_deadline()
-        command = passed[0].message
+                session.check_deadline()
+        command = answers[0].message
         assert isinstance(command, Command)
         if command.kind == "failed":
             raise LogAgentError(session.validator.faults[-1].text if session.validator.faults else command.reason)
@@ -291,14 +292,9 @@ def open_log_session(agent: LogAgent, spec: AgentSpec, data_dir: Path) -> Iterat
         if agent.is_apart:
             setup = _build_setup(stack, spec, data_dir)
             gateway = GatewayAgents(setup, agent.directory, Network(), events.put)
-            sockets = stack.enter_context(ScratchFolder.for_sockets()).path
-            children = stack.enter_context(ChildProcesses(gateway.exited))
-            stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
-            stack.callback(gateway.close)
-            gateway.start(children, sockets)
+            stack.enter_context(gateway.open())
             transport = gateway.get_transport(spec.name)
             log_tail = lambda: setup.run_dir.log_tail(get_agent_participant(spec.name))  # noqa: E731
-            stack.callback(children.wait, EXIT_TIMEOUT_S)
         else:
             program = find_python_agent(agent.spec.start.python or "", agent.directory)
             transport = ObjectTransport(spec.name, load_python_agent(program), events.put)

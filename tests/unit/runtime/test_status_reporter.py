@@ -2,14 +2,14 @@
 
 import pytest
 
-from gslcosim.runtime.distributed import supervisor
-from gslcosim.runtime.distributed.supervisor import LATE_AFTER_S, StatusReporter
+from gslcosim.runtime import status as run_status
+from gslcosim.runtime.status import LATE_AFTER_S, StatusReporter
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(supervisor.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(run_status.time, "monotonic", lambda: now[0])
     return now
 
 
