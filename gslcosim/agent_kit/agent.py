@@ -20,9 +20,9 @@ from gslcosim.contract.schema import check_contract, format_own_contract
 
 
 class Agent(ABC):
-    """A search method. It is made with the briefing, sees every observation, and decides when asked.
+    """A search method. It is built with the briefing, receives every observation, and decides on request.
 
-    Nothing here knows about processes: the same object flies over Zenoh and inside the framework's own process.
+    It is independent of processes: the same object runs over Zenoh and inside the framework's own process.
     All randomness must come from `briefing.seed`, otherwise runs cannot be repeated.
     """
 
@@ -187,9 +187,9 @@ def is_behind_gateway() -> bool:
 
 
 def run_over_gateway(agent_type: Callable[[Briefing], Agent]) -> None:
-    """Fly the agents that `GSLCOSIM_AGENT` names, until the run ends or the stream does.
+    """Run the agents that `GSLCOSIM_AGENT` names, until the run or the stream ends.
 
-    What the agents print goes to the log: frames have standard output for themselves.
+    Output that the agents print goes to the log: standard output is reserved for frames.
     """
     with os.fdopen(os.dup(1), "wb", buffering=0) as output, os.fdopen(os.dup(0), "rb") as source:
         os.dup2(2, 1)
@@ -270,7 +270,7 @@ def run_free(agent_type: Callable[[Briefing, Callable[[Command], None]], Agent])
     def build_maker(bus: Bus) -> Callable[[Briefing], Agent]:
         def make(briefing: Briefing) -> Agent:
             def speak(command: Command) -> None:
-                # It may be the first that the run hears of the agent.
+                # This command may be the agent's first message to the run.
                 told = command.model_copy(update={"contract": format_own_contract()})
                 _send(bus, briefing.agent, codec.encode(told))
 

@@ -148,12 +148,13 @@ EventHandler = Callable[[EventKind, bytes], None]
 class ThreadedConnection:
     """Frames to and from one agent: sent without ever waiting, received by a thread with bounded memory.
 
-    `on_event` is called on a thread of the link; it only enqueues. Whoever handles a `command` or `refused` event then
-    calls `handled`: no more than `MAX_UNHANDLED` of them wait, after that the agent does. The events are
-    `command`, bytes for the validator; `refused`, why a frame cannot be one; `closed`, why this side has given the
-    agent up; `ended`, what is wrong with how the agent's stream ended. One of the last two comes last.
+    `on_event` is called on a thread of the connection; it only enqueues. The handler of a `command` or `refused` event
+    calls `acknowledge` afterwards: at most `MAX_UNHANDLED` of these events wait, then the agent has to wait. The events
+    are `command`, bytes for the validator; `refused`, the reason why a frame is no command; `closed`, the reason why
+    this side has given up the agent; `ended`, the fault in the end of the agent's stream. One of the last two comes
+    last.
 
-    What the agent does not read yet is kept, up to `MAX_BACKLOG_BYTES`; then the agent is given up.
+    Frames that the agent has not read yet are kept, up to `MAX_BACKLOG_BYTES`; then the agent is given up.
     """
 
     def __init__(self, frame_format: FrameFormat, on_event: EventHandler) -> None:
@@ -195,7 +196,7 @@ class ThreadedConnection:
         self._slots.release()
 
     def end(self) -> None:
-        """Let the stream end after what has been sent; whatever the agent still says is thrown away."""
+        """End the stream after the frames sent so far; frames that still arrive from the agent are discarded."""
         with self._lock:
             self._is_over = self._is_muted = True
             self._lock.notify()
@@ -284,11 +285,11 @@ class BlockingConnection:
 
     @property
     def has_more(self) -> bool:
-        """True when something has come that has not been taken yet."""
+        """True when a frame has arrived that has not been taken yet."""
         return self.comes_within(0.0)
 
     def comes_within(self, within_s: float) -> bool:
-        """Return whether something is there that nobody has taken yet, or comes within a time [s]."""
+        """Return whether a frame is there that has not been taken yet, or arrives within a time [s]."""
         if not self._items and not self._has_ended and self._stream.wait_readable(within_s):
             self._read()
         return bool(self._items)
@@ -340,7 +341,7 @@ _POLL_PERIOD_S = 0.2
 
 
 class Listener:
-    """Listens for one agent; the first connection that shows the token is it, and then nobody else is let in."""
+    """Listener for one agent: admits the first connection that presents the token, and no other."""
 
     def __init__(self, listening: socket.socket, address: str) -> None:
         self.address = address
@@ -356,7 +357,7 @@ class Listener:
         """Listen on a free TCP port.
 
         Args:
-            public_name: What others call this machine, where that differs.
+            public_name: Name of this machine on the network, if it is not `host`.
         """
         try:
             listening = socket.create_server((host, 0), backlog=MAX_PENDING_CONNECTIONS)
@@ -393,7 +394,7 @@ class Listener:
         threading.Thread(target=self._accept, args=arguments, daemon=True).start()
 
     def close(self) -> None:
-        """Let nobody in any more."""
+        """Admit no further connection."""
         self._is_closed.set()
 
     def _accept(self, frame_format: FrameFormat, on_admitted: Any, on_refused: Any) -> None:
@@ -403,7 +404,7 @@ class Listener:
                     continue
                 try:
                     connection, _ = self._listening.accept()
-                except OSError:  # most often: nobody within the time
+                except OSError:  # most often: no connection within the time
                     self._waiting.release()
                     continue
                 arguments = (connection, frame_format, on_admitted, on_refused)

@@ -1,8 +1,8 @@
 """Messages as frames on a byte stream, and a byte stream as frames: pure functions with limits.
 
 A msgpack frame is the length of a msgpack map as 4 bytes, big-endian, and the map. A JSON frame is one object on one
-line, in UTF-8, ended by a line feed. What the gateway sends is a message's map with one more key in front, `message`:
-its type. What an agent sends is a `Command`'s map.
+line, in UTF-8, ended by a line feed. The gateway sends the map of a message with one more key in front, `message`: its
+type. An agent sends the map of a `Command`.
 """
 
 from collections.abc import Mapping
@@ -180,7 +180,7 @@ def decode_payload(frame_format: FrameFormat, frame: bytes, message_type: type[M
 
 
 def read_agent_name(payload: bytes) -> str | None:
-    """Return which agent a command says it comes from; None when it says nothing, or cannot be read."""
+    """Return the name of the agent in a command; None if it has none, or cannot be read."""
     try:
         fields: Any = _msgpack.unpackb(payload, raw=False)
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException):

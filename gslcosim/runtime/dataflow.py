@@ -1,4 +1,4 @@
-"""Declared dataflow of a run: who reads what from whom, checked before anything starts."""
+"""Declared dataflow of a run: the readers and the writer of each port, checked before the start."""
 
 from collections.abc import Iterable, Mapping, Sequence
 

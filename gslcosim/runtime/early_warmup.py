@@ -17,13 +17,13 @@ from gslcosim.scenario import Scenario, dump_resolved
 
 
 def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) -> ForkedProcess | None:
-    """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
+    """Let a fork compile as many kernels of a scenario's services as it can while the environment is built.
 
     Args:
-        scenario: What will be run; its environment is any but one with a `path`.
+        scenario: Scenario of the run; its environment is of any kind but one with a `path`.
 
     Returns:
-        The fork; None where the server has ended, which the caller is informed of.
+        The fork; None if the server has ended, of which the caller is informed separately.
     """
     request = {"scenario": dump_resolved(scenario), "directory": str(directory.absolute())}
     with contextlib.suppress(SimulationFault):

@@ -30,9 +30,9 @@ _MARKERS_FOLDER = "agents"
 def compile_agent_kernels(
     scenario: Scenario, directory: Path, *, is_one_process: bool, notify: Callable[[str], object] = lambda _: None
 ) -> None:
-    """Compile the kernels of the bundled agents that a scenario starts in sandboxes, where that was not done before.
+    """Compile the kernels of the bundled agents that a scenario starts in sandboxes, unless that was done before.
 
-    What fails here is left to the agent's own process, which compiles for itself alone.
+    A failure here is ignored: the agent's own process then compiles its kernels, for itself alone.
     """
     for name in _list_sandboxed_agents(scenario, directory, is_one_process=is_one_process):
         mark = _get_marker_path(name)

@@ -66,13 +66,13 @@ class AgentFault:
 class CommandValidator:
     """Validator of one agent's answers, which passes one command for each observation that awaits it.
 
-    An answer that is not valid lets a `hold` through instead and leaves a fault that says what was expected. An agent
-    that is gone lets `failed` through at the first tick it owes an answer; nothing follows it. Answers nobody asked
-    for are counted and dropped without being read.
+    In place of an invalid answer a `hold` passes, and a fault is recorded with the expected answer. For a lost agent
+    `failed` passes at the first tick at which it owes an answer, and nothing after it. Unsolicited answers are counted
+    and discarded unread.
 
     Observations and answers may arrive in either order: a few early answers are kept until their observation comes.
-    `may_overlap` says that a later observation can await an answer while an earlier one still does (latency mode).
-    Of the beliefs only one in `belief_every_ticks` passes; a command that brings one sooner passes without it.
+    With `may_overlap`, a later observation can await an answer while an earlier one still does (latency mode).
+    Only one belief per `belief_every_ticks` passes; a command with an earlier belief passes without it.
     """
 
     agent: str
@@ -161,10 +161,10 @@ class CommandValidator:
         if command.kind == "failed":
             return self._refuse(FAILED_KIND_FAULT)
         del self._pending[command.tick]
-        # Who answers the same must leave the same trail, whether it says what it speaks or not.
+        # Equal answers must leave the same trail, with or without the contract that they state.
         return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
 
-    # Its contract before the rest: what is wrong with the rest may well be that it is of another contract.
+    # The contract is checked first, because another contract may well be the cause of all other errors.
     def _read(self, said: UnpackedAnswer) -> Command:
         if isinstance(said, ContractError):
             raise said
@@ -271,14 +271,15 @@ _MAX_RADIO_TEXTS = 16
 class FreeRunningValidator(CommandValidator):
     """Validator in free mode, which passes one command at each observation at once: the last to come, or `noop`.
 
-    The agent may be asked, or speak unasked; what it says twice, byte for byte, is a repetition. What passes when
-    depends on the clock: it gets the tick at which it passes, and is an input of the run.
+    The agent may send commands with or without a request; a command equal to the last one, byte for byte, is a
+    repetition. The tick at which a command passes depends on the clock: the command gets that tick, and is an input of
+    the run.
 
-    A later command takes the place of one that has not passed yet, but a `noop` replaces nothing, a declaration of the
-    source is always made, and texts, a belief and a note of what is replaced go with what replaces it. A command that
-    is not valid becomes a `hold`, and leaves a fault. An agent that is gone lets `failed` through.
+    A later command replaces one that has not passed yet, but a `noop` replaces nothing, a declaration of the source is
+    always kept, and texts, a belief and a note of the replaced command move to its replacement. An invalid command
+    becomes a `hold`, and a fault is recorded. For a lost agent `failed` passes.
 
-    Before `until_tick` the commands of `past` pass, whatever comes.
+    Before `until_tick` the commands of `past` pass, whatever arrives.
     """
 
     past: Mapping[int, Command] = field(default_factory=dict[int, Command])
@@ -379,7 +380,7 @@ class ReplayValidator(CommandValidator):
         """Take note that the agent is gone; return `failed` when it owes an answer that counts."""
         return self._as_it_was(super().on_lost(reason))
 
-    # What it owes from before the fork is known, and does not end its part in the run.
+    # Answers owed from before the fork are known, so a lack of them does not end the agent's part in the run.
     def _fail(self) -> list[Command]:
         known = [tick for tick in self._pending if tick < self.until_tick]
         for tick in known:

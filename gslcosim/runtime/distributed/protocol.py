@@ -66,7 +66,7 @@ def build_outgoing_bundles_key(writer: str) -> str:
 
 
 def is_read_by_agents(port: str) -> bool:
-    """Return whether agents read a port: then each message is also sent on its own key, as the contract says."""
+    """Return whether agents read a port: each message is then also sent on its own key, as the contract requires."""
     return port.startswith("agents/")
 
 
@@ -190,7 +190,7 @@ class ParticipantInspection(ControlMessage):
     n_resends: Amount
 
     def as_status(self) -> ParticipantStatus:
-        """Return what it says of the participant."""
+        """Return the reported status of the participant."""
         return ParticipantStatus(**dict(self))
 
 
@@ -213,10 +213,10 @@ class FinalReport(ControlMessage):
 
 @dataclass(frozen=True)
 class MessageReceived:
-    """Something has come over the bus; its key says what it is.
+    """A message has arrived over the bus; its key shows its type.
 
-    What was asked for comes with the key on which it would have come by itself; a description with the key on which
-    it was asked for.
+    A requested message comes with the key on which it would have come without a request; a description comes with the
+    key of its request.
     """
 
     key: str
@@ -249,7 +249,7 @@ class ProcessStopped:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """Somebody wants the run to end."""
+    """A request to end the run."""
 
 
 SupervisorEvent = MessageReceived | LivelinessChanged | ProcessEnded | ProcessStopped | Interrupted | AgentEvent

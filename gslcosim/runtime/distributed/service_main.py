@@ -82,14 +82,14 @@ def serve(names: Sequence[str], join: JoinData | None = None) -> None:
     """Build the cores of services, take part in a run, and return when they are dismissed.
 
     Args:
-        join: How they join the run; absent: as `GSLCOSIM_JOIN` says.
+        join: Data with which they join the run; absent: those in `GSLCOSIM_JOIN`.
 
-    Exits with code 3 after a fault; the log says why.
+    Exits with code 3 after a fault; the reason is in the log.
     """
     keep_memory_private()
     faulthandler.enable()
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
-    # Ctrl-C is the supervisor's to handle; it dismisses the services in order.
+    # The supervisor handles Ctrl-C; it dismisses the services in order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         _build_and_host(names, join)
@@ -116,7 +116,7 @@ def _build_and_host(names: Sequence[str], join: JoinData | None) -> None:
     except Exception as error:
         from gslcosim.bus.zenoh_bus import ZenohBus
 
-        # The log says it too, but where a disk is full there is none.
+        # The fault is in the log too, but on a full disk there is no log.
         with ZenohBus.open_member(join) as bus:
             report_fault(bus, at_fault, error, tick=0)
         raise

@@ -1,5 +1,5 @@
-"""External participants: programs of the user's own, in any language, behind a core that asks them at each step.
+"""External participants: the user's own programs, in any language, behind a core that queries them at each step.
 
-Each is a service to the run: `core.ExternalCore` asks the program over the gateway's frames at each step; `protocol`
-knows its ports and checks its frames.
+To the run each is a service: `core.ExternalCore` queries the program at each step with the gateway's frames; `protocol`
+defines its ports and checks its frames.
 """
