@@ -20,8 +20,8 @@ CERTIFICATE_REMEDY = (
 )
 
 JOIN_TIMEOUT_S = 180.0
-# A link that is cut for 3 s is silent for up to 6 s, since TCP tries again after ever longer times; for 12 s where the
-# first packet afterwards is lost as well.
+# After a cut of 3 s a link is silent for up to 6 s, because TCP retries at growing intervals; for 12 s if the first
+# packet afterwards is lost as well.
 DEFAULT_LEASE_S = 15.0
 MIN_LEASE_S, MAX_LEASE_S = 1.0, 3600.0
 # Agents report their progress every 64 ticks.
@@ -34,12 +34,12 @@ class Network:
     """Ways in which the run's processes reach its router.
 
     By default a private unix socket, and the supervisor starts everything. `listen` adds endpoints for other hosts;
-    the services that `elsewhere` names, or `all`, are started by someone else. Who is not started here finds its join
-    data in `join_dir` (by default `join` in the run directory): `services/<name>.json` or `agents/<name>.json`, and is
-    given up after `lease_s` [s] without a sign of life.
-    Endpoints that begin with `tls/` need a certificate; who joins from elsewhere gets it with its join data.
-    Others are for this machine alone, unless `is_insecure` says that everybody on the way may read and write.
-    `window_ticks` is how far a writer may run ahead of its slowest reader; absent: as far as the reader says.
+    the supervisor does not start the services that `elsewhere` names, or with `all` any service. The join data of
+    participants not started here are in `join_dir` (by default `join` in the run directory), as `services/<name>.json`
+    or `agents/<name>.json`; such a participant is given up after `lease_s` [s] without a sign of life.
+    Endpoints that begin with `tls/` need a certificate, which is part of the join data. Other endpoints are for this
+    machine alone, unless `is_insecure` permits unencrypted traffic, which any host on the way can read and write.
+    `window_ticks` is the lead that a writer may have over its slowest reader; absent: the one that the reader states.
     """
 
     listen: tuple[str, ...] = ()
@@ -51,11 +51,11 @@ class Network:
     window_ticks: int | None = None
 
     def is_remote(self, service: str) -> bool:
-        """Return whether a service is started by someone else."""
+        """Return whether the supervisor does not start a service."""
         return ALL_SERVICES in self.elsewhere or service in self.elsewhere
 
     def check(self, services: Sequence[str], *, is_one_process: bool = False) -> None:
-        """Refuse what cannot be, or would be open to everybody."""
+        """Refuse impossible settings, and those that open the run to any host."""
         for endpoint in self.listen:
             if endpoint.split("/")[0] not in ("tcp", "tls", "unixsock-stream"):
                 raise UsageError(
@@ -122,12 +122,12 @@ class Network:
         """The endpoint that processes on other hosts use: the first of `listen`, with this host's name for `any`."""
         if not self.listen:
             return None
-        # What follows a # is about this host alone.
+        # The part after a # concerns this host alone.
         first = self.listen[0].partition("#")[0]
         return first.replace("0.0.0.0", socket.gethostname()).replace("[::]", socket.gethostname())
 
     def write_join(self, kind: str, join: JoinData, run_path: Path) -> Path:
-        """Write the join data of a process that somebody else starts and that joins the bus; return the file."""
+        """Write the join data of a process that joins the bus and is not started here; return the file."""
         join = join.model_copy(update={"lease_s": self.lease_s})
         if endpoint := self.public_endpoint:
             join = join.model_copy(update={"endpoint": endpoint})
@@ -151,7 +151,7 @@ class Network:
 
 
 def is_local_endpoint(endpoint: str) -> bool:
-    """Return whether nobody on another machine can reach a Zenoh endpoint."""
+    """Return whether a Zenoh endpoint is out of reach of other machines."""
     protocol, _, address = endpoint.partition("/")
     if protocol == "unixsock-stream":
         return True
@@ -196,7 +196,7 @@ class JoinFile:
         """Read a join file.
 
         Args:
-            endpoint: Where the run is reached from here; absent: as the file says.
+            endpoint: Endpoint at which this host reaches the run; absent: the one in the file.
         """
         text = read_join_file(path, place="join file", wait_s=wait_s)
         place = f"join file {path}"
@@ -214,7 +214,7 @@ class JoinFile:
                 raise UsageError(
                     f"{place}: expected JSON as `gslcosim up` writes it; {describe_problem(error)}"
                 ) from error
-        # What only a process has that the run's own host starts.
+        # Only processes that the run's own host starts have these.
         join = JoinData.from_text(text, place=place).model_copy(update={"mesh": None, "is_watched": False})
         if endpoint is not None:
             join = join.model_copy(update={"endpoint": endpoint})

@@ -35,12 +35,12 @@ class MissingMessage:
 class ParticipantStatus:
     """Status of a participant at one moment.
 
-    `tick` is the last one finished, -1 before the first. What it waits for, empty where it waits for nothing: `missing`
-    are messages, `lacking_credit` are readers that lag behind by as much as they may. `occupied_s` is how long its
-    present step or decision has taken [s], absent outside of one; `queued_ticks` counts the ticks of its inputs that
-    are here already. A participant that is `silent` has not answered. Of its process: `pid`, CPU time so far, and the
-    memory that it alone holds with its share of what it has in common with others; absent where nobody knows them.
-    `n_resends` counts messages it had to ask for again.
+    `tick` is the last one finished, -1 before the first. It waits for the messages in `missing`, and for the readers in
+    `lacking_credit`, which lag behind by as much as they may; both are empty if it waits for nothing. `occupied_s` is
+    the duration of its present step or decision so far [s], absent outside of one; `queued_ticks` counts the ticks of
+    its inputs that are here already. A participant that is `silent` has not answered. Of its process: `pid`, CPU time
+    so far, and its private memory plus its share of shared memory; absent if unknown. `n_resends` counts messages that
+    it had to request again.
     """
 
     name: str
@@ -75,14 +75,15 @@ class Stall:
 
 
 def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
-    """Return the participant that holds a run up, and the chain that waits for it; None where all have done their part.
+    """Return the participant that holds a run up, and the chain that waits for it; None if all have done their part.
 
-    The chain begins at the participant that is furthest behind among those that wait. It leads from what that one
-    lacks to the one that writes it, and so on, until one waits for nobody: it is in its step, owes an answer, or is
-    silent. Where the chain comes back to a participant, they wait for each other, and the one furthest behind is named.
+    The chain begins at the participant furthest behind among those that wait. It leads from the message that this one
+    lacks to the writer of the message, and so on, to a participant that waits for no other: it is in its step, owes an
+    answer, or is silent. In a chain that comes back to a participant, all wait for each other, and the one furthest
+    behind is returned.
     """
     by_name = {participant.name: participant for participant in participants}
-    # What agents write comes from their sessions; no service has such a name.
+    # Messages of agents come from their sessions; no service has the name of a session.
     by_name |= {get_agent_participant(name): participant for name, participant in by_name.items()}
     # An agent that waits for nothing in particular has answered all that it was asked.
     open_ones = [each for each in participants if each.state not in ("done", "waiting") or each.waits_for]

@@ -91,11 +91,11 @@ _PREFIX = "participant_"
 class ParticipantProgram:
     """One start of a participant's program.
 
-    Whatever it does wrong becomes a `SimulationFault` that says what was expected, with the end of its log.
+    Each of its errors becomes a `SimulationFault` with the expected behaviour and the end of its log.
 
     Args:
         arguments: Words that follow its command.
-        describe_place: Returns where in the program it is, as words that follow what was expected, for its faults.
+        describe_place: Returns the place of a fault within the program, as words that follow the expected behaviour.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class ParticipantProgram:
         variables = {PARTICIPANT_VARIABLE: own.name}
         start = own.start.registered
         if start is not None and start.unpacks_files and confinement.policy is None:
-            # What it has unpacked and leaves there when it is killed goes with the folder.
+            # Files that it unpacks there, and leaves when it is killed, are removed with the folder.
             variables["TMPDIR"] = str(private_dir)
         options = ProcessOptions(variables=variables, cwd=self._directory, confinement=confinement, keep=self._keep)
         log = self._setup.run_dir.log(self._process)
@@ -155,7 +155,7 @@ class ParticipantProgram:
             self._opened.send(name, payload, within_s=self._own.answer_within_s)
 
     def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
-        """Return what the program says next, as msgpack."""
+        """Return the program's next message, as msgpack."""
         with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
 
@@ -164,14 +164,14 @@ class ParticipantProgram:
         try:
             yield
         except StreamEndedError as error:
-            # Its process may have ended too; that says more.
+            # Its process may have ended too; the exit status is more informative.
             ended = f"but its process {self._how}" if self._has_exited.wait(_LOG_TAIL_WAIT_S) else str(error)
             raise self.fault(f"expected {what}{self._describe_place()}, {ended}.") from error
         except (AnswerTimeoutError, ContractError) as error:
             raise self.fault(f"expected {what}{self._describe_place()}, {error}") from error
 
     def check_silence(self, what: str) -> None:
-        """Check that the program has said nothing more."""
+        """Check that the program has sent nothing more."""
         if self._opened.has_more:
             raise self.fault(f"expected {what}, something came before it was asked.")
 
@@ -195,13 +195,13 @@ class ParticipantProgram:
             append_bytes(log.parent, log.name, f"{text}\n".encode())
 
     def end(self, reason: str) -> None:
-        """Send the program the end of the run, and end it where it does not; nothing of it is left.
+        """Send the program the end of the run, and end it if it does not exit; no process of it is left.
 
-        One that has failed is not waited for.
+        A failed program is ended without waiting.
         """
         exchange, self._exchange = self._exchange, None
         if exchange is not None:
-            # Where it is gone already, or does not read, it hears nothing.
+            # A program that has ended, or does not read, does not get the message.
             with suppress(StreamEndedError, AnswerTimeoutError):
                 within_s = 0.0 if self._has_failed else EXIT_TIMEOUT_S
                 exchange.send("Ending", codec.encode(Ending(tick=0, reason=reason)), within_s=within_s)
@@ -249,10 +249,10 @@ END_REASON = "the run is over"
 
 
 class ProgramCore(ABC):
-    """Stands for a program among the cores of a run. State: the program, and what it has made of the room.
+    """Core that stands for a program in a run. State: the program, and its changes to the room.
 
-    Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
-    through them. They are kept only where a run has snapshots.
+    The state of a program cannot be read, so a snapshot holds all inputs sent to it: to go on from there, a new start
+    of the program steps through them. They are kept only in runs with snapshots.
     """
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:

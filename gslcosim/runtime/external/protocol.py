@@ -27,7 +27,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.problems import did_you_mean
 
-# Names of processes and of who is at fault in a run, beside those of services.
+# Names of processes, and of other parts of a run that a fault can name, besides the names of services.
 _RESERVED_NAMES = ("supervisor", "runtime", "fork_server")
 
 

@@ -94,7 +94,7 @@ class ChildProcesses:
     ) -> "subprocess.Popen[bytes]":
         cwd, confinement = options.get("cwd"), options.get("confinement")
         check_program(name, command, cwd)
-        # Who starts a run from within another one must not hand its own place on.
+        # A participant of one run that starts another run must not pass on its own join data.
         around = build_short_environment(command) if self._are_foreign else os.environ
         around = around if confinement is None else confinement.environment
         environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
@@ -151,7 +151,7 @@ class ChildProcesses:
                 process.wait(timeout=max(0.0, deadline - time.monotonic()))
 
     def end(self) -> None:
-        """End whatever still runs: ask, wait a moment, then kill whole process groups."""
+        """End all processes that still run: ask, wait a moment, then kill whole process groups."""
         if remaining := self.pids.values():
             for pid in remaining:
                 signal_group(pid, signal.SIGTERM)
@@ -159,7 +159,7 @@ class ChildProcesses:
             self.wait(TERM_TIMEOUT_S)
         for process in self._children.values():
             signal_group(process.pid, signal.SIGKILL)
-        # Who forked one may be stopped and not report its end; it is ended next, and Linux ends the forks with it.
+        # A stopped fork server reports no ends of its forks; it is ended next, and Linux ends the forks with it.
         self.wait(TERM_TIMEOUT_S)
         for log in self._logs:
             log.wait(LOG_TIMEOUT_S)

@@ -1,12 +1,12 @@
-"""Fork server: a process that imports once what others share, then becomes each of them by a fork.
+"""Fork server: a process that imports shared modules once, and then forks the processes that need them.
 
 It has one thread. It reads requests, one JSON object a line, from a socket that it inherits, and answers
-`{"name": name, "pid": n}` when one has started and `{"name": name, "code": n}` when it has ended. It holds nothing of a
-run: what a process is given comes with its request and exists in the fork alone. At the end of the requests it ends
-what is left.
+`{"name": name, "pid": n}` when a process has started and `{"name": name, "code": n}` when it has ended. It holds no
+data of a run: the inputs of a process come with its request and exist in the fork alone. At the end of the requests it
+ends the remaining processes.
 
-`ForkServer` starts one and asks it for processes; `serve_forks` is the server itself. What forks do is not known
-here: whoever serves hands it in.
+`ForkServer` starts a server and requests processes; `serve_forks` is the server itself. The work of the forks is
+passed in by the caller of `serve_forks`.
 """
 
 import contextlib
@@ -74,8 +74,8 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
     """Fork this process, which must have one thread; return the number of the fork, which leads a session of its own.
 
     Args:
-        main: What the fork does. It never returns from here: it ends with 0 when that returns, as `SystemExit` says, or
-            with 1 after an error, which it prints.
+        main: Work of the fork, which never returns from here: it exits with 0 when `main` returns, with the code of
+            `SystemExit`, or with 1 after an error, which it prints.
     """
     parent = os.getpid()
     if pid := os.fork():
@@ -95,10 +95,10 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
         code = 0
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 1
-    except BaseException:  # told in the log, as by an interpreter that ends
+    except BaseException:  # printed to the log, as by an interpreter that ends
         traceback.print_exc()
     finally:
-        # With what it has written, and without what its parent would do at its end.
+        # Flushes its output, and leaves out the exit handlers of its parent.
         with contextlib.suppress(OSError, ValueError):
             sys.stdout.flush()
             sys.stderr.flush()
@@ -106,7 +106,7 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
 
 
 class ForkMonitor:
-    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks."""
+    """Monitor of a socket and of the ends of forks, for the one thread of a forking process."""
 
     def __init__(self, source: socket.socket) -> None:
         self._source = source
@@ -118,7 +118,7 @@ class ForkMonitor:
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
 
     def wait(self) -> bool:
-        """Return when a signal has come, or the socket can be read from: whether that is so."""
+        """Wait for a signal or a readable socket; return whether the socket is readable."""
         readable, _, _ = select.select([self._source, self._woken], [], [])
         if self._woken in readable:
             os.read(self._woken, _READ_BYTES)
@@ -133,7 +133,7 @@ class ForkMonitor:
 
 
 class ForkedProcess:
-    """A process of the fork server's, to the supervisor like one of its own."""
+    """A process of the fork server, which the supervisor uses like a child of its own."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -226,7 +226,7 @@ class ForkServer:
         raise SimulationFault(f"fork server: expected it to run, it {how}.")
 
     def release_unused(self) -> None:
-        """Let the server end what it keeps ready for processes that nobody has asked for."""
+        """Let the server end the forks that it keeps ready for processes without a request."""
         with contextlib.suppress(OSError), self._lock:
             self._lines.send({})
 
@@ -237,7 +237,7 @@ class ForkServer:
         return "\n" + "\n".join(lines) if lines else ""
 
     def wake(self) -> None:
-        """Let the server go on where it has been stopped: it reports how its forks end."""
+        """Continue a stopped server: it reports the ends of its forks."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGCONT)
 
@@ -250,7 +250,7 @@ class ForkServer:
         self._is_closing = True
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        # One that nobody has asked for anything still imports, and hears nothing meanwhile.
+        # A server without a request so far is still importing, and does not react meanwhile.
         self._reader.join(CLOSE_TIMEOUT_S if self._was_asked else 0.0)
         if self._reader.is_alive():
             with contextlib.suppress(ProcessLookupError):
@@ -280,11 +280,11 @@ class ForkServer:
 
 @dataclass(frozen=True, kw_only=True)
 class ForkWork:
-    """Work of the forks of a server, which knows nothing of it.
+    """Work of the forks of a server, of which the server is independent.
 
-    `become` does in a fork what a request asks for. `preload` imports what all share; it starts no thread. `early` are
-    imports of processes that import for long, by the name of the process: each is forked before `preload`, and waits
-    until it is asked for. It may start threads, which the server must not have.
+    `become` does the work of a request in a fork. `preload` imports the modules that all share; it starts no thread.
+    `early` are long imports, by the name of their process: each process is forked before `preload`, and waits for its
+    request. Such an import may start threads, which the server must not have.
     """
 
     become: Callable[[Mapping[str, Any]], None]
@@ -295,7 +295,7 @@ class ForkWork:
 def serve_forks(fd: int, work: ForkWork) -> None:
     """Serve requests from a socket until its other end is closed."""
     keep_memory_private()
-    # What is imported stays; looking through it for garbage would take a fifth of the start.
+    # Imported objects stay; collecting garbage among them would take a fifth of the start.
     gc.disable()
     server = _Server(socket.socket(fileno=fd), work)
     work.preload()
@@ -303,7 +303,7 @@ def serve_forks(fd: int, work: ForkWork) -> None:
     server.serve()
 
 
-# A service without a log can fly; what ends it is reported over the bus.
+# A service can run without a log; the error that ends it is reported over the bus.
 def _open_log(log: Path) -> int:
     try:
         return open_for_writing(log.parent, log.name, is_appended=True)
@@ -321,9 +321,9 @@ def _become(work: ForkWork, order: dict[str, Any]) -> None:
     work.become(order["request"])
 
 
-# Imports, then waits for what it shall become.
+# Imports, then waits for its request.
 def _await_order(work: ForkWork, name: str, requests: socket.socket) -> None:
-    # What cannot be imported is reported by the service that needs it, in its log.
+    # An import that fails is reported by the service that needs it, in its log.
     with contextlib.suppress(Exception):
         work.early[name]()
     order = next(iter(JsonLines(requests)), None)
@@ -334,15 +334,15 @@ def _await_order(work: ForkWork, name: str, requests: socket.socket) -> None:
 
 class _Server:
     def __init__(self, requests: socket.socket, work: ForkWork) -> None:
-        # Ctrl-C is the supervisor's to handle.
+        # The supervisor handles Ctrl-C.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._work = work
         self._lines = JsonLines(requests)
         self._monitor = ForkMonitor(requests)
         self._names: dict[int, str] = {}
-        # Those that wait for what they shall become, with the sockets by which they learn it.
+        # Forks that wait for their request, with the sockets over which it comes.
         self._preforked: dict[str, tuple[int, socket.socket]] = {}
-        # Where there is no room for a process more, it is forked when it is asked for.
+        # A process that cannot be forked now is forked at its request.
         with contextlib.suppress(OSError):
             for name in work.early:
                 ours, theirs = socket.socketpair()
@@ -360,7 +360,7 @@ class _Server:
                 self._send({"name": self._names.pop(pid, ""), "code": code})
         self._dismiss_preforked()
         for pid in self._names:
-            # One that has just begun leads no group yet.
+            # A process that has just begun leads no group yet.
             for kill in (os.killpg, os.kill):
                 with contextlib.suppress(ProcessLookupError):
                     kill(pid, signal.SIGKILL)
@@ -394,7 +394,7 @@ class _Server:
         self._names[pid] = name
         self._send({"name": name, "pid": pid})
 
-    # To the fork that has imported what the order needs; 0 where there is none, or it has ended.
+    # Sends an order to the fork that has its imports; returns 0 if there is none, or it has ended.
     def _hand_over(self, name: str, order: dict[str, Any]) -> int:
         if name not in self._preforked:
             return 0

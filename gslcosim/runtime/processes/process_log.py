@@ -14,13 +14,13 @@ _LOG_READ_BYTES = 1 << 16
 
 
 class ProcessLog:
-    """The standard output of a process on its way to a file. What exceeds the limit is dropped, and the file says so.
+    """The standard output of a process on its way to a file; output beyond the limit is dropped, and a note written.
 
-    Within the context the process is started with `fileno()`; the file is complete when `wait` returns, or earlier if
-    something that the process has started holds its output open. A process that writes more is not stopped by that.
+    Within the context the process is started with `fileno()`; the file is complete when `wait` returns, unless a child
+    of the process still holds its output open. A process that writes more than the limit goes on undisturbed.
 
     Args:
-        path: The file; what is there stays.
+        path: The file; its present content stays.
     """
 
     def __init__(self, path: Path, *, most_bytes: int = MAX_LOG_BYTES) -> None:

@@ -1,6 +1,6 @@
-"""Sandboxes: keep the agents that are started here from everything but their connection to the run.
+"""Sandboxes: restrict the agents that are started here to their connection to the run.
 
-`selection` finds the strongest sandbox of this machine and builds the confinement of a process, `policy` says which
-files and sockets it may use. `launcher` is the process that is started: it stays beside the agent to watch its limits
-and to end its descendants; `confinement` confines it, or `bubblewrap` where that works.
+`selection` finds the strongest sandbox of this machine and builds the confinement of a process; `policy` lists the
+files and sockets that the process may use. `launcher` is the process that is started: it stays beside the agent, checks
+the agent's limits and ends its descendants. `bubblewrap` confines the agent where it works, otherwise `confinement`.
 """

@@ -82,7 +82,7 @@ def build_bubblewrap_command(
     line += [] if cell.tcp_port is not None else ["--unshare-net"]
     line += [] if calls is None else ["--seccomp", str(calls)]
     line += _list_system_links()
-    # What lies deeper is put upon what lies around it.
+    # Outer folders first: inner ones are mounted upon them.
     for path in sorted(places, key=lambda path: len(path.parts)):
         line += places[path]
     line += [*empty, "--remount-ro", "/", "--remount-ro", "/dev", "--chdir", str(cell.directory), "--"]
@@ -124,7 +124,7 @@ def _list_system_links() -> list[str]:
 _BASE_OPTIONS = (
     "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
     "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
-    # Whoever is root could change settings of the machine there.
+    # An agent that runs as root could change settings of the machine there.
     "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
     "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", _SCRATCH,
 )  # fmt: skip

@@ -1,13 +1,13 @@
 """Confinement of a process by Linux: Landlock for files, a filter of system calls, dropped capabilities.
 
-A process gives up, for itself and its descendants, all files but those it names, and of root's capabilities all. It
-uses no package of other people, because it runs in the small process between supervisor and agent. See
+A process gives up, for itself and its descendants, all files but those it names, and all of root's capabilities. The
+module imports no third-party package, because it runs in the small process between supervisor and agent. See
 https://docs.kernel.org/userspace-api/landlock.html for rights and versions, and `man 7 capabilities`.
 
-The filter refuses what Landlock cannot: sockets of the network, ways past files from one process to another, changes
-of what belongs to others, and what outlives a process, as the pages that the kernel keeps of files. Calls that are
-refused return EPERM; advice is accepted and not followed. Written for x86_64 and arm64; elsewhere there is no filter,
-and `can_filter` says so. The instructions are those of classic BPF, see `man 2 seccomp`.
+The filter refuses calls that Landlock cannot refuse: sockets of the network, communication between processes other
+than by files, changes to objects of others, and traces that outlive a process, such as the kernel's cached pages of
+files. Refused calls return EPERM; advice is accepted and not followed. Written for x86_64 and arm64; elsewhere there is
+no filter, and `can_filter` returns False. The instructions are those of classic BPF, see `man 2 seccomp`.
 """
 
 import ctypes
@@ -30,9 +30,9 @@ _MAX_CAPABILITIES = 64
 
 
 def give_up_capabilities() -> None:
-    """Give up all capabilities; who has none keeps none."""
+    """Give up all capabilities; a process without any is left without any."""
     library = ctypes.CDLL(None, use_errno=True)
-    # Only who has the right to may do these two, and only there they mean something.
+    # These two calls succeed only with the capability for them, and have an effect only then.
     library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
     for capability in range(_MAX_CAPABILITIES):
         library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
@@ -49,7 +49,7 @@ MAKE_SOCKET, TRUNCATE, IOCTL_DEV = 1 << 9, 1 << 14, 1 << 15
 READ = EXECUTE | READ_FILE | READ_DIR
 # Rights that mean something for a file, not only for a folder.
 _FILE_ONLY_RIGHTS = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
-# What each version of Landlock can refuse; the last goes on for later ones.
+# Rights that each version of Landlock can refuse; the last entry holds for later versions too.
 _FILE_RIGHTS = (0, (1 << 13) - 1, (1 << 14) - 1, (1 << 15) - 1, (1 << 15) - 1, (1 << 16) - 1)
 _TCP_SINCE, _SCOPES_SINCE = 4, 6
 _CLOSED_SINCE = (
@@ -102,7 +102,7 @@ def confine(
         return
     ruleset = _check_result(_syscall(_CREATE_RULESET, attributes, len(attributes), 0))
     if is_about_files:
-        # Landlock knows no connection to a socket's path, so nobody makes one where another agent could connect.
+        # Landlock cannot refuse connections to a socket's path, so no socket may be made in reach of another agent.
         for paths, allowed in ((reads, READ), (lists, READ_DIR), (writes, rights & ~MAKE_SOCKET)):
             for path in paths:
                 _allow(ruleset, path, allowed & rights)
@@ -281,21 +281,21 @@ def build_filter_program(
 ) -> bytes:
     """Return the instructions of the filter.
 
-    Always refused are keys of the user, watching others by perf, by inotify, fanotify and leases, programs in the
+    Always refused are keys of the user, observation of others by perf, inotify, fanotify and leases, programs in the
     kernel, the kernel's log, files by their handles, quotas, marks on files, and the kernel's own queues of reads and
-    writes, by which a filter can be passed by. Nothing evicts pages of files or asks which are in memory: advice is
-    accepted and not followed, and the questions are unknown, as on older kernels. Programs for another kind of machine
-    do not run.
+    writes, which bypass a filter. No call evicts pages of files or queries which are in memory: advice is accepted and
+    not followed, and the queries do not exist, as on older kernels. Programs for another machine architecture do not
+    run.
 
     Args:
         is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
             that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
-        has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
+        has_own_network: Whether the process has a network namespace of its own, whose internet sockets reach nothing.
         owns_devices: Whether the user is root, the owner of the machine's devices: changes of rights, owners and
             times are refused beside namespaces too, since a mount cannot keep a device both usable and unchanged.
     """
     numbers = _CALL_NUMBERS[machine]
-    # Of each instruction the code, the value, and over how many a comparison jumps where it is true, or false.
+    # Each instruction is its code, its value, and the numbers of instructions to skip if true, and if false.
     refuse, allow = (_RETURN, _REFUSE, 0, 0), (_RETURN, _ALLOW, 0, 0)
     code = [(_LOAD, _ARCHITECTURE, 0, 0), (_EQUAL, numbers.architecture, 1, 0), refuse]
     code += [(_LOAD, _NUMBER, 0, 0), (_AT_LEAST, _X32, 0, 1), refuse]
@@ -315,7 +315,7 @@ def build_filter_program(
         (numbers.madvise, _THIRD, _EQUAL, _EVICTING_ADVICE, _PASS_OVER),
         *((number, _SIXTH, _HAS_ANY_BIT, (_CACHE_FLAGS,), no_such_flag) for number in numbers.with_flags),
     ):
-        # Not this one: over the next ones.
+        # Any other call skips the following checks.
         code += [(_EQUAL, number, 0, 2 + 2 * len(values)), (_LOAD, argument, 0, 0)]
         for value in values:
             code += [(test, value, 0, 1), (_RETURN, answer, 0, 0)]
@@ -325,12 +325,12 @@ def build_filter_program(
     code += [(_EQUAL, numbers.socket, 1, 0), allow, (_LOAD, _FIRST, 0, 0)]
     families = [_UNIX] if allows_unix else []
     if has_own_network:
-        # There are none in which others could be reached, as those to the machine that runs a virtual one.
+        # Without families that reach beyond a network namespace, such as vsock from a virtual machine to its host.
         families += [_INTERNET, _INTERNET_6, _NETLINK]
     for family in families:
         code += [(_EQUAL, family, 0, 1), allow]
     if allows_tcp:
-        # Each jump that fails ends at the last instruction of all. Landlock knows TCP, but no other kind of stream.
+        # A failed comparison jumps to the last instruction of all. Landlock can restrict TCP, but no other stream.
         code += [(_EQUAL, _INTERNET, 1, 0), (_EQUAL, _INTERNET_6, 0, 7)]
         code += [(_LOAD, _SECOND, 0, 0), (_AND, _KIND_OF_SOCKET, 0, 0), (_EQUAL, _STREAM, 0, 4)]
         code += [(_LOAD, _THIRD, 0, 0), (_EQUAL, 0, 1, 0), (_EQUAL, _TCP, 0, 1), allow]
