@@ -111,7 +111,7 @@ def join_as_services(
         is_trusted: Whether programs that the run's scenario names are started here, for its own models.
     """
     keep_memory_private()
-    # Who ends this process otherwise than by Ctrl-C is reported in the same way.
+    # An end by SIGTERM is reported in the same way as one by Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ZenohBus.open_member(join) as bus:
         offer = fetch_offer(bus)
@@ -134,7 +134,7 @@ def join_as_services(
                 cores.append(build_core(at_fault, setup))
             return _host_services(bus, cores, setup, offer, join.window_ticks, say)
         except UsageError:
-            # Who joins may correct it; the run waits.
+            # The user can correct the command and join again; the run waits.
             raise
         except KeyboardInterrupt:
             report_fault(

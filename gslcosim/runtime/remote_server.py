@@ -36,7 +36,7 @@ from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.run_dir import get_package_version
 from gslcosim.runtime.setup import RunSetup
 
-# Printed here, and written by another host.
+# These texts come from another host and are printed here.
 _Word = Annotated[str, StringConstraints(pattern=r"^[ -~]{0,200}$")]
 _COMPARED_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh")
 
@@ -60,8 +60,8 @@ class SoftwareVersions(BaseModel):
     @classmethod
     @cache
     def here(cls) -> "SoftwareVersions":
-        """Return what this process computes with; the first time after a change of code takes seconds."""
-        # Slow to import, and needed by nobody else here.
+        """Return the software that this process computes with; the first call after a change of code takes seconds."""
+        # Slow to import, and needed by nothing else here.
         from llvmlite.binding import get_host_cpu_name  # pyright: ignore[reportMissingTypeStubs]
 
         return cls(
@@ -74,10 +74,10 @@ class SoftwareVersions(BaseModel):
         )
 
     def find_mismatch(self, here: "SoftwareVersions") -> str:
-        """Return in one sentence what another host has otherwise; empty where nothing of it matters.
+        """Return in one sentence a difference of another host that matters; empty if there is none.
 
         Args:
-            here: What the other host has; `self` is that of the run.
+            here: Software of the other host; `self` is that of the run.
         """
         if here.version != self.version:
             return f"expected gslcosim {self.version}, which the run has, was {here.version}."
@@ -103,7 +103,7 @@ OFFER_KEY = "rpc/run/offer"
 CHUNK_KEY = "rpc/run/piece"
 CHUNK_BYTES = 1 << 18
 
-# Larger files of rooms than these [bytes] do not exist; the header is text.
+# No file of a room is larger than this [bytes]; the header is text.
 MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
 MAX_SCENARIO_CHARACTERS = 1 << 24
 _MAX_ENVIRONMENTS = 10_000
@@ -235,19 +235,19 @@ class RunServer:
 
 
 ANSWER_TIMEOUT_S = 15.0
-# What has not come by then is asked for again, as often as `ANSWER_TIMEOUT_S` allows.
+# An answer that has not come by then is requested again, as often as `ANSWER_TIMEOUT_S` allows.
 RETRY_AFTER_S = 5.0
-# Pieces that are on their way at once: enough for a link of 200 ms, and little for one that is slow.
+# Chunks in transit at once: enough for a link with 200 ms latency, and few for a slow one.
 MAX_PENDING_CHUNKS = 16
 MAX_OFFER_BYTES = 5 * MAX_SCENARIO_CHARACTERS
-# Answers that nobody has asked for are not kept.
+# Answers without a request are not kept.
 _MAX_QUEUED_ANSWERS = 64
 
 ProgressHandler = Callable[[str], None]
 
 
 def fetch_offer(bus: Bus) -> RunOffer:
-    """Return what the run's own host offers."""
+    """Return the offer of the run's own host."""
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
     while time.monotonic() < deadline_s:
@@ -280,7 +280,7 @@ def find_local_environment(offer: OfferedEnvironment) -> Path | None:
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
         mark_used(folder)
-        # To open a pipe would wait for ever; the run's host names the folder.
+        # Opening a pipe would block forever; the run's host determines the folder.
         if any((folder / name).exists() and not (folder / name).is_file() for name in ENVIRONMENT_FILES):
             continue
         try:
@@ -332,7 +332,7 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
     return folder
 
 
-# In any order, several on their way at once; what does not come is asked for again.
+# Chunks come in any order, several in transit at once; a missing one is requested again.
 def _fetch_chunks(bus: Bus, room: int, file: EnvironmentFile, size: int) -> Iterator[tuple[int, bytes]]:
     came: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
 
@@ -362,7 +362,7 @@ def _fetch_chunks(bus: Bus, room: int, file: EnvironmentFile, size: int) -> Iter
                 patient_until_s = time.monotonic() + ANSWER_TIMEOUT_S
                 yield offset, piece
                 continue
-        # Nothing has come, or what is no piece of this file.
+        # No answer has come, or one that is no chunk of this file.
         if time.monotonic() > patient_until_s:
             raise RunTimeoutError(f"{file} of the room: expected a piece within {ANSWER_TIMEOUT_S:g} s, none came.")
         if came.empty():

@@ -14,23 +14,24 @@ MIN_PAUSE_S = 1.0
 
 
 class PauseDetector:
-    """Finds from looks that come many times a second which time nobody has lived through.
+    """Detector of pauses of this process, from calls that come many times a second.
 
-    What has been waited for meanwhile is not late: holders of deadlines move them by that time. It reads no clock:
-    times [s] of a monotonic one are handed in. That clock does not run while a machine is suspended.
+    A message awaited during a pause is not late: holders of deadlines move them by the length of the pause. The
+    detector reads no clock: times [s] of a monotonic clock are passed in. That clock does not run while a machine is
+    suspended.
     """
 
     def __init__(self) -> None:
         self._looked_at_s: float | None = None
 
     def missed_s(self, now_s: float) -> float:
-        """Return the time [s] since the last look where it is far longer than usual, else 0."""
+        """Return the time [s] since the last call if it is far longer than usual, else 0."""
         since_s = now_s - self._looked_at_s if self._looked_at_s is not None else 0.0
         self._looked_at_s = now_s
         return since_s if since_s > MIN_PAUSE_S else 0.0
 
 
-# Who is continued sooner goes on as if nothing had been.
+# A process that is continued sooner goes on without consequences.
 STOP_TIMEOUT_S = 5.0
 STOP_POLL_PERIOD_S = 0.25
 _STOPPED_STATE = "T"
@@ -43,26 +44,26 @@ def can_detect_stops() -> bool:
 
 
 def is_stopped(pid: int) -> bool:
-    """Return whether a process has been stopped by a signal; false where nobody can tell.
+    """Return whether a process has been stopped by a signal; False if unknown.
 
-    It counts as stopped, too, when its only child is: a launcher, such as a sandbox, just waits for what it has
-    started. A process that a debugger holds is not stopped.
+    A process also counts as stopped when its only child is: a launcher, such as a sandbox, only waits for its child. A
+    process that a debugger holds is not stopped.
     """
     return any(_read_state(each) == _STOPPED_STATE for each in _follow_only_children(pid))
 
 
 def is_stopped_itself(pid: int) -> bool:
-    """Return whether a process has been stopped by a signal, whatever it has started; false where nobody can tell."""
+    """Return whether a process itself has been stopped by a signal, whatever its children; False if unknown."""
     return _read_state(pid) == _STOPPED_STATE
 
 
 def describe_stop() -> str:
-    """Return what to say of a process that was stopped for too long, after its name."""
+    """Return the text for a process that was stopped for too long, to follow its name."""
     return f"was stopped by a signal and not continued within {STOP_TIMEOUT_S:g} s"
 
 
 class StopDetector:
-    """Decides who has been stopped for too long. It reads no clock: times [s] of a monotonic one are handed in."""
+    """Detector of processes stopped for too long. It reads no clock: times [s] of a monotonic one are passed in."""
 
     def __init__(self, limit_s: float = STOP_TIMEOUT_S) -> None:
         self._limit_s = limit_s
@@ -70,18 +71,18 @@ class StopDetector:
         self._pauses = PauseDetector()
 
     def look(self, stopped: Collection[str], now_s: float) -> list[str]:
-        """Take note of who is stopped now, several times a second; return who has been for longer than the limit."""
-        # While this process stood still itself, nobody could see others go on.
+        """Record the processes stopped now, several times a second; return those stopped for longer than the limit."""
+        # While this process itself was paused, it could not see others go on.
         missed_s = self._pauses.missed_s(now_s)
         self._since_s = {name: self._since_s.get(name, now_s - missed_s) + missed_s for name in stopped}
         return [name for name, since_s in self._since_s.items() if now_s - since_s > self._limit_s]
 
 
 class StopMonitor:
-    """Looks a few times a second, on a thread of its own, for processes that are stopped, while it is entered.
+    """Monitor that looks for stopped processes a few times a second, on a thread of its own, while it is entered.
 
-    A stopped process neither reads nor ends, so that who sends to it waits, too. After the limit `on_stopped(name)` is
-    called, and its process group killed.
+    A stopped process neither reads nor ends, so its senders wait too. After the limit `on_stopped(name)` is called, and
+    the process group of the process is killed.
 
     Args:
         pids: Returns the processes by name; 0 stands for one that has not begun.
@@ -116,8 +117,8 @@ class StopMonitor:
                 _kill(pids[name])
 
 
-# A launcher's child that was stopped at its beginning may not have been told yet to end with the launcher, and a
-# process that has just begun leads no group.
+# The child of a launcher, stopped at its beginning, may not be set yet to end with the launcher, and a process that has
+# just begun leads no group.
 def _kill(pid: int) -> None:
     for each in reversed(_follow_only_children(pid)):
         for kill in (os.killpg, os.kill):
@@ -125,7 +126,7 @@ def _kill(pid: int) -> None:
                 kill(each, signal.SIGKILL)
 
 
-# A process, its only child, the only child of that.
+# A process, its only child, the only child of that child, and so on.
 def _follow_only_children(pid: int) -> list[int]:
     line = [pid]
     while len(line) <= _MAX_LAUNCHER_DEPTH and len(children := _list_children(line[-1])) == 1:
@@ -135,7 +136,7 @@ def _follow_only_children(pid: int) -> list[int]:
 
 def _read_state(pid: int) -> str | None:
     try:
-        # The name before it stands in brackets and may hold anything.
+        # The name before it is in brackets and may contain any characters.
         return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0]
     except (OSError, IndexError):
         return None

@@ -31,7 +31,7 @@ from gslcosim.scenario.serialization import plain_values, read_yaml
 class Fork:
     """A run to fork, the tick from which agents' own answers count, and the scenario from there on.
 
-    `snapshot` is where it is run from, absent where from the start; `note` says why one that is there is not used.
+    The fork runs from `snapshot`, or from the start if absent; `note` is the reason why an existing one is not used.
     """
 
     past: PastRun
@@ -56,7 +56,7 @@ class Fork:
 
 @dataclass(frozen=True, kw_only=True)
 class ForkResult:
-    """A fork flown: the run, and where its past is not that of the run it forks, which must not be."""
+    """Result of a fork: its run, and the place where its past differs from that of the original, which is a fault."""
 
     flight: RunResult
     divergence: Divergence | None

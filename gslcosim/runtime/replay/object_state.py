@@ -72,7 +72,7 @@ def register_external_type(type_: type, *, read: Callable[[Any], Any], bring_bac
 
 
 def find_external_adapter(value: Any) -> ExternalTypeAdapter | None:
-    """Return how a value of another library is kept, if anybody has said it."""
+    """Return the registered adapter for a value of another library, or None."""
     return _EXTERNAL_TYPES.get(type(value))
 
 
@@ -107,7 +107,7 @@ def get_import_name(type_: type) -> str:
     return f"{type_.__module__}:{type_.__qualname__}"
 
 
-# Of other packages than those of the core.
+# Types of packages outside the core.
 _KNOWN_TYPES = {
     get_import_name(type_): type_
     for type_ in (
@@ -141,7 +141,7 @@ def find_type(name: Any, kind: str, packages: frozenset[str]) -> Any:
     if found is None and module.partition(".")[0] in packages:
         found = sys.modules.get(module)
         for part in qualname.split("."):
-            # What is there, without what a module or class does where it is asked.
+            # Looked up in `vars`, so that no `__getattr__` of a module and no descriptor of a class runs.
             found = vars(found).get(part) if isinstance(found, (ModuleType, type)) else None
     if not isinstance(found, type) or get_import_name(found) != name or not is_kind(found):
         raise SnapshotError(f"expected {wanted} of {' or '.join(sorted(packages))}, was {str(name)[:80]!r}.")
@@ -149,7 +149,7 @@ def find_type(name: Any, kind: str, packages: frozenset[str]) -> Any:
 
 
 def get_attributes(value: Any) -> dict[str, Any]:
-    """Return what an object holds, by attribute, in slots and in `__dict__`."""
+    """Return the values that an object holds in slots and in `__dict__`, by attribute."""
     held: dict[str, Any] = {}
     for type_ in type(value).__mro__:
         slots: Any = type_.__dict__.get("__slots__", ())
@@ -186,7 +186,7 @@ def _find_in_type(value: Any, name: str) -> Any:
 
 
 def iter_parts(value: Any, packages: frozenset[str]) -> Iterator[tuple[str, Any]]:
-    """Yield what a value is made of, each part with a label that is the same in an object built alike."""
+    """Yield the parts of a value, each with a label that is the same in an object built alike."""
     match value:
         case np.ndarray():
             if isinstance(value.base, np.ndarray):
@@ -218,7 +218,7 @@ def hash_array(array: "np.ndarray[Any, Any]") -> bytes:
     return hashlib.blake2b(array.tobytes(), digest_size=16).digest()
 
 
-# From so many bytes on an array that has not changed is left out.
+# An unchanged array of at least this many bytes is left out.
 MIN_HASHED_BYTES = 1 << 14
 
 
@@ -276,7 +276,7 @@ class StateReader:
         self._packages = packages
         self._nodes: list[Node] = []
         self._index: dict[int, int] = {}
-        # So that no identity is given away twice.
+        # Kept alive, so that no identity is assigned twice.
         self._alive: list[Any] = []
         self._path: list[str] = []
 
@@ -321,7 +321,7 @@ class StateReader:
         self._fill(node, value, found)
         return ["n", index]
 
-    # One that was made again in the same place, of settings alone, does the same.
+    # A function built again in the same place, from settings alone, is equivalent.
     def _known_function(self, value: FunctionType) -> str | None:
         found = self._known.by_path.get("".join(self._path))
         if found is None or getattr(found.value, "__code__", None) is not value.__code__:
@@ -355,7 +355,7 @@ class StateReader:
             node |= {"k": "b", "t": get_import_name(type(value)), "v": self._items(value.args)}
         elif isinstance(value, Struct):
             fields = {name: self._reference(getattr(value, name), f".{name}") for name in value.__struct_fields__}
-            # It is frozen: one that was there holds what it held.
+            # It is frozen: one that was there before still holds the same values.
             node |= {"k": "c", "t": get_import_name(type(value)), "a": fields if found is None else None}
         elif isinstance(value, partial):
             if found is None:
@@ -372,7 +372,7 @@ class StateReader:
         type_: type = type(value)
         if isinstance(value, tuple):
             fields = cast("Any", value)
-            # One that was there holds what it held; only what is in it can have changed.
+            # A tuple that was there before still holds the same objects; only their content can have changed.
             items = self._items(fields)
             node |= {
                 "k": "t",
@@ -402,7 +402,7 @@ class StateReader:
         if before is not None and (gone := [name for name in before if name not in attributes]):
             node["g"] = gone
 
-    # Views are stored as such: what they share goes on being shared, and kernels are compiled for how they lie.
+    # Views are stored as such: shared memory stays shared, and kernels are compiled for a memory layout.
     def _fill_array(self, node: Node, value: "np.ndarray[Any, Any]", found: BaselineEntry | None) -> None:
         if value.dtype.hasobject:
             raise self._cannot_keep(value)
@@ -659,7 +659,7 @@ def _tuples_from_lists(descr: Any) -> Any:
     return [(f[0], _tuples_from_lists(f[1]), *(tuple(shape) for shape in f[2:])) for f in fields]
 
 
-# What a value of another kind, size or depth than a state has leads to.
+# Errors that a value causes if its type, size or depth is not that of a state.
 _WRONG_VALUES = (
     ArithmeticError, AttributeError, BufferError, LookupError, MemoryError, RecursionError, TypeError, ValueError,
     msgspec.MsgspecError,
@@ -669,17 +669,17 @@ _WRONG_VALUES = (
 class ObjectState:
     """State of an object and of all that it holds.
 
-    It is made right after the object has been built, and remembers what there is then. A state tells what has changed
-    since: attributes, containers, arrays, random streams, and objects that are new. What is fixed, such as functions
-    and a room, is named by where it was found at first. So nobody has to list what belongs to a state, and an
-    attribute that is forgotten does not exist: what cannot be kept is an error.
+    It is made right after the object has been built, and records all values at that time. A state holds the changes
+    since then: attributes, containers, arrays, random streams, and new objects. Fixed things, such as functions and a
+    room, are named by the place where they were found first. So the parts of a state need no list, and no attribute can
+    be forgotten: a value that cannot be kept is an error.
 
     A state is plain: dicts, lists, numbers, texts and bytes, as msgpack can carry them. An object that is built alike
-    by the same code, from settings that may differ where no state depends on them, takes it with `bring_back`.
+    by the same code, from settings that may differ where no state depends on them, takes it with `restore`.
 
     Args:
-        fixed: Types of things that never change, which are not looked into.
-        packages: From which packages objects are walked through, beside that of the root.
+        fixed: Types of things that never change, which are not walked through.
+        packages: Packages whose objects are walked through, besides that of the root.
     """
 
     def __init__(

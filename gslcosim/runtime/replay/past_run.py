@@ -21,7 +21,7 @@ from gslcosim.runtime.services import build_dataflow, list_service_names
 from gslcosim.runtime.status import RunStatus
 from gslcosim.scenario import Scenario
 
-# The key of a manifest that says which log a run was made of.
+# The key in a manifest for the log from which a run was made.
 IMPORTED_FROM = "imported_from"
 # Commands of weeks: a few hundred bytes each.
 _MAX_INPUTS_BYTES = 2_000_000_000
@@ -36,8 +36,8 @@ class PastRun:
     """Files of a run, as far as they are needed to repeat it.
 
     `commands` are those that took effect, by agent and tick; `digest` is absent where the run came to no verdict.
-    `directory` is where relative paths of its agents start; `flown_by` says which version flew it; `is_imported` that
-    none did: it was made of a log from elsewhere.
+    Relative paths of its agents start at `directory`; `flown_by` is the version that ran it, unless `is_imported`: then
+    it was made from a log from elsewhere, and no version ran it.
     """
 
     run_dir: RunDir

@@ -30,7 +30,7 @@ _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 def main() -> None:
-    """Do what the file says whose descriptor is the last argument; does not return."""
+    """Execute the plan in the file whose descriptor is the last argument; does not return."""
     with os.fdopen(int(sys.argv[-1]), "rb") as file:
         plan: dict[str, Any] = json.loads(file.read())
     supervisor = plan["supervisor"]
@@ -152,19 +152,19 @@ class _ProcessTreeMonitor:
             if pid == self._child:
                 self._ended_as = status
 
-    # The supervisor asks with SIGTERM; where it has gone nobody is left to wait for.
+    # The supervisor sends SIGTERM; if the supervisor has ended, there is no reason to wait.
     def _ask_to_end(self, number: int) -> None:
         if self._killed_at_s is not None:
             return
         is_alone = os.getppid() != self._supervisor
         self._killed_at_s = time.monotonic() + (0.0 if is_alone else TERM_TIMEOUT_S)
-        # A sandbox would end at once, and its agent with it, before that can end in order.
+        # A sandbox would end at once, together with its agent, and leave the agent no time to end in order.
         for pid in _list_descendants(os.getpid(), leave_out=2 if self._plan["is_bubblewrap"] else 0):
             _send_signal(pid, number)
 
     def _count(self) -> None:
         cpu_s, memory_bytes = self._reaped_cpu_s, 0
-        # Bubblewrap's own two hold the time of what has ended within it.
+        # The two processes of bubblewrap itself hold the CPU time of processes that have ended within it.
         n_processes = -2 if self._plan["is_bubblewrap"] else 0
         for pid in _list_descendants(os.getpid()):
             usage = _read_usage(pid)
@@ -183,7 +183,7 @@ class _ProcessTreeMonitor:
     def _kill_all(self) -> None:
         give_up_at_s = time.monotonic() + TERM_TIMEOUT_S
         while time.monotonic() < give_up_at_s:
-            # Stopped first, so that none of them starts another meanwhile.
+            # Stop them first, so that none of them starts another process meanwhile.
             for number in (signal.SIGSTOP, signal.SIGKILL):
                 for pid in _list_descendants(os.getpid()):
                     _send_signal(pid, number)
@@ -195,7 +195,7 @@ class _ProcessTreeMonitor:
 def _exit_like(status: int, is_bubblewrap: bool) -> None:  # noqa: FBT001 - two callers' facts in one line
     number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
     code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else 0
-    # It says of a signal what a shell says.
+    # Bubblewrap, like a shell, reports a signal as exit code 128 plus its number.
     if is_bubblewrap and code > 128 and code - 128 in signal.valid_signals():
         number = code - 128
     if number:
@@ -238,11 +238,11 @@ def _read_usage(pid: int) -> tuple[float, int] | None:
     fields = _read_stat(str(pid))
     if not fields or fields[0] == "Z":
         return None
-    # Its own time, and that of the children it has waited for; memory in pages.
+    # CPU time of the process and of the children that it has waited for; memory in pages.
     return sum(int(field) for field in fields[11:15]) / _TICKS_PER_S, int(fields[21]) * _PAGE_BYTES
 
 
-# What follows the name of the program, which may hold anything.
+# The fields after the name of the program, which may contain any characters.
 def _read_stat(pid: str) -> list[str]:
     try:
         with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123 - as above

@@ -66,7 +66,7 @@ def is_launcher_possible() -> bool:
 
 
 class Launch:
-    """One process that is started by the launcher; who starts it closes `descriptors` afterwards.
+    """One process that is started by the launcher; the caller that starts it closes `descriptors` afterwards.
 
     Args:
         environment: All variables of the process itself. The launcher does not start with them.

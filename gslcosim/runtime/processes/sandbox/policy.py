@@ -35,9 +35,9 @@ SYSTEM_FOLDERS = (
     "/sys/devices/system",
 )
 _OPTIONAL = "/opt"
-# Where the system and installed programs keep what not every user may read, such as passwords and keys.
+# Folders in which the system and installed programs keep files that not every user may read, such as keys.
 _CONFIGURED = ("/etc", "/usr/local", _OPTIONAL)
-# Not searched there, but in /etc: libraries of programs, thousands of files that everybody may read.
+# Libraries of programs, thousands of files that every user may read; these folders are searched only in /etc.
 _LIBRARIES = frozenset(("bin", "sbin", "lib", "lib32", "lib64", "libexec", "include", "share", "src", "pkgs"))
 
 
@@ -45,8 +45,8 @@ _LIBRARIES = frozenset(("bin", "sbin", "lib", "lib32", "lib64", "libexec", "incl
 class SandboxPolicy:
     """Files and sockets that one process may see and change.
 
-    `hidden` lies within `reads`, and is not seen. `sockets` are the unix sockets of its transport, `tcp_port` is where
-    it connects to. `scratch` is a private folder on the disk for sandboxes that have none in memory.
+    The paths `hidden` lie within `reads`, and are not visible. `sockets` are the unix sockets of the transport,
+    `tcp_port` is its TCP port. `scratch` is a private folder on the disk for sandboxes that have none in memory.
     """
 
     directory: Path
@@ -117,22 +117,22 @@ def list_code_folders() -> list[Path]:
 
 
 def list_hidden_folders() -> list[Path]:
-    """Return what no agent sees wherever it lies.
+    """Return the folders that no agent sees, wherever they lie.
 
-    Bundled scenarios, the cache, what the user has found out, and the folders of sockets at which only those in no
-    sandbox may ask.
+    Bundled scenarios, the cache, the user's state, and the folders of sockets at which only processes outside of
+    sandboxes may send requests.
     """
     return [bundled_folder("."), *_list_caches(), user_state_folder(), get_status_folder()]
 
 
-# The kernels of who has started this process may lie in another cache, with the key that signs them.
+# The process that started this one may keep its kernels in another cache, with the key that signs them.
 def _list_caches() -> list[Path]:
     return list(dict.fromkeys((get_cache_root(), get_key_path().parent)))
 
 
 @cache
 def list_private_system_paths(folders: Sequence[str] = _CONFIGURED) -> tuple[Path, ...]:
-    """Return what of the system not everybody may read, but this user can, as root can: no agent sees it."""
+    """Return the paths of the system that this user, such as root, may read, but not every user: no agent sees them."""
     found: list[Path] = []
     unseen = [Path(folder) for folder in folders]
     while unseen:

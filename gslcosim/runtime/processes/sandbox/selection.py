@@ -89,10 +89,10 @@ def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
 
 
 def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
-    """Yield what a scenario demands for its processes, and this machine or the way they are started does not give.
+    """Yield the demands of a scenario on its processes that this machine, or the way they are started, cannot meet.
 
     Args:
-        scenario: What is to be flown; its `processes` say whether Python agents are objects.
+        scenario: Scenario of the run; its `processes` determines whether Python agents are objects.
     """
     del directory
     is_one_process = scenario.processes == "one"
@@ -269,12 +269,12 @@ def build_confinement(
     return Confinement(kind=kind, policy=cell, unseen=unseen, limits=agent.limits, environment=environment)
 
 
-# Where a folder lies in one of them, as a program in the cache does, it is meant itself.
+# Leaves out private places around a folder, such as the cache around a program: the folder itself is wanted.
 def _without_places_around(private: Sequence[Path], folder: Path) -> PrivatePlaces:
     return PrivatePlaces([path for path in private if not folder.resolve().is_relative_to(path.resolve())])
 
 
-# What stands beside a program is seen by it.
+# A program sees all files in its folder.
 def _check_program(agent: ConfinementSpec, own: Sequence[Path], setup: RunSetup, sources: Sequence[Path]) -> None:
     runs, temporary = setup.run_dir.path.absolute().parent, Path(tempfile.gettempdir())
     for folder in own:
