@@ -149,7 +149,7 @@ def run_scenario(
         began=began,
         origin=repetition and repetition.origin,
         past=repetition and repetition.past,
-        # What is repeated need not wait for any clock.
+        # Repeated ticks need not wait for any clock.
         paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
         snapshot=repetition and repetition.snapshot,
         sources=(loaded.path.absolute(), *loaded.included),

@@ -79,7 +79,7 @@ def versions_hash(versions: Mapping[str, str]) -> str:
 def compare_with_lock(versions: Mapping[str, str], file: Path = LOCK_FILE) -> dict[str, Any] | None:
     """Return the hash of a lock file and the installed packages whose version it does not name; None without the file.
 
-    What is installed besides what the file names does not count, nor what installs packages and is in no run.
+    Installed packages that the file does not name do not count, nor installers of packages, which are in no run.
     """
     try:
         content = file.read_bytes()
@@ -193,15 +193,15 @@ def read_machine_notes(folder: Path) -> MachineNotes:
     return MachineNotes(decisions_ms=decisions, faults=sorted(faults), sandboxes=sandboxes)
 
 
-# Room kept free for the result: where a disk runs full in flight, this is what can still be written.
+# Space kept free for the result: if the disk fills up during the run, the result can still be written.
 RESERVE_FILE = ".reserve"
 INPUTS_FILE = "inputs.log"
-# What is read back of a run that has ended.
+# Files that are read back after the end of a run.
 _CHECKED_FILES = (
     "scenario.yaml", "setup.json", "manifest.json", "digest.json", INPUTS_FILE, "result.json", "recording.rrd",
 )  # fmt: skip
 RESERVE_BYTES = 32 * 1024
-# What computes a run, and what carries and records it.
+# Packages that compute a run, and those that carry its messages and record it.
 MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
 
 
@@ -459,7 +459,7 @@ class RunDir:
     def _reserve(self) -> None:
         if not hasattr(os, "posix_fallocate"):
             return
-        # Where there is no room for it now the first file that is written says so.
+        # If there is no space for it now, writing the first file reports that.
         with contextlib.suppress(OSError):
             fd = open_for_writing(self.path, RESERVE_FILE)
             try:

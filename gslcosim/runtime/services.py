@@ -98,7 +98,7 @@ class ServiceKind:
     check_host: Callable[[RunSetup], None] | None = None
 
 
-# What this distribution and extensions offer; a block of its name in a scenario's `services` replaces one.
+# Services of this distribution and of extensions; a block of the same name in a scenario's `services` replaces one.
 DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 
@@ -209,9 +209,9 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
     """Return the checked dataflow of a run.
 
     Args:
-        scenario: What is run.
-        window_ticks: How far a writer may run ahead of an ordinary reader; the windows of others, which are larger or
-            smaller, change in proportion. Absent: as each reader says.
+        scenario: Scenario of the run.
+        window_ticks: Lead that a writer may have over an ordinary reader; the windows of other readers, larger or
+            smaller, change in proportion. Absent: the window that each reader states.
     """
     specs = _build_specs(scenario)
     if window_ticks is None:
@@ -224,9 +224,9 @@ def plan_processes(scenario: Scenario, processes: Processes, network: Network) -
     """Return the services of each process of a run, from upstream to downstream; those elsewhere come last.
 
     Args:
-        scenario: What is run.
-        processes: How the run is spread over processes; with `one` there are no others.
-        network: Tells which services are elsewhere.
+        scenario: Scenario of the run.
+        processes: Distribution of the run over processes; with `one` there are no others.
+        network: Determines the services that are elsewhere.
     """
     services = list_service_names(scenario)
     build_dataflow(scenario)
@@ -239,10 +239,10 @@ def plan_processes(scenario: Scenario, processes: Processes, network: Network) -
 
 
 def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return what keeps the services of other packages and the models of the user's own in a scenario from running.
+    """Return the problems that keep services of other packages, and the user's own models, in a scenario from running.
 
     Args:
-        scenario: What is run.
+        scenario: Scenario of the run.
         directory: Not needed.
     """
     del directory

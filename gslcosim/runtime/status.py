@@ -34,11 +34,11 @@ LATE_AFTER_S = 4.0
 class RunStatus:
     """Status of a run at one moment.
 
-    `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
-    piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
-    than it should, `is_compiling` that kernels are compiled, which takes a minute in the first run of a version.
-    `participants` may be called on any thread while the run goes on, and looks then. `run_dir` is set once there is
-    one, with the state `starting`.
+    `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the finished share of the present
+    piece of work (absent if unknown); `text` is one short sentence. With `is_late`, the work takes longer than it
+    should; with `is_compiling`, kernels are being compiled, which takes a minute in the first run of a version.
+    `participants` may be called on any thread during the run, and returns their status at that time. `run_dir` is set
+    from the state `starting` on.
     """
 
     state: str
@@ -282,8 +282,8 @@ _UNKNOWN_FACTS: dict[str, Any] = {
 class ActiveRun:
     """Active run.
 
-    `facts` are those of `StatusServer.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
-    behind the window, as the system says and not the run.
+    `facts` are those of `StatusServer.look`; `looked_at_s` is their time by a monotonic clock; `pid` is the process
+    behind the window, as reported by the operating system and not by the run.
     """
 
     window: Path

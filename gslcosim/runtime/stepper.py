@@ -52,9 +52,9 @@ class MissingInput:
 class Gate:
     """Holder of a participant's inputs, which decides when its next step may happen.
 
-    A step of tick k needs, for each read, the message of tick k - delay where one exists. It exists at the ticks of
-    the port's period, or where its announcement says so, and never after a message that closes the port. A writer may
-    be at most `window_ticks` ahead of each reader (the reader's window).
+    A step of tick k needs, for each read, the message of tick k - delay if one exists. One exists at the ticks of the
+    port's period, or at announced ticks, and never after a message that closes the port. A writer may be at most
+    `window_ticks` ahead of each reader (the reader's window).
 
     Duplicates and inputs of the past are ignored; messages may be delivered in any order.
     """

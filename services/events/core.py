@@ -19,11 +19,11 @@ class EventsCore:
     """Core that evaluates times and conditions of events, and writes `truth/events` every tick.
 
     An event at a time takes effect in the tick that ends at that time. A condition that holds at the end of tick k
-    takes effect in tick k + 1, or `delay_s` later. What step k writes takes effect in tick k + 1: all readers have a
+    takes effect in tick k + 1, or `delay_s` later. Messages of step k take effect in tick k + 1: all readers have a
     delay of one tick. A value of a participant holds from its step until its next.
 
-    State: the events that take effect in each later tick, as far as they are known, and whose conditions hold. It draws
-    nothing random.
+    State: the events of each later tick, as far as they are known, and those whose conditions hold. It draws no random
+    numbers.
     Raises ModelError when the truth lacks an agent, or a participant's message a value; the runtime then ends the run
     as invalid.
     """

@@ -378,7 +378,7 @@ def mixing_ratio_ppm_at(
     """Return the mixing ratio of each gas at points, summed over the filaments.
 
     Args:
-        filaments: What to sum.
+        filaments: Filaments to sum.
         walls: Walls that hide the gas behind them; absent: gas passes walls in the reading.
 
     Returns:
@@ -408,11 +408,11 @@ def mixing_ratio_ppm_on_grid(
     """Return the mixing ratio of one gas on a regular grid of points; gas passes walls.
 
     Args:
-        filaments: What to sum.
+        filaments: Filaments to sum.
         first_point_m: The point with index (0, 0, 0), world frame [m].
         spacing_m: Distance of neighbouring points [m].
         shape: Number of points along x, y, z; a horizontal slice has one along z.
-        gas: Which gas.
+        gas: Index of the gas.
 
     Returns:
         (nx, ny, nz) mixing ratio [ppm by volume], index order ij.

@@ -111,7 +111,7 @@ class SimulatedVehicle:
         return to_vec3(self._rows.motion[:3])
 
     def reset(self) -> None:
-        """Rest at the start. The scene is reset by its owner, who then calls `place`."""
+        """Rest at the start. The owner of the scene resets it, and then calls `place`."""
         self._autopilot = self._build_autopilot()
         self._reference = self._autopilot.reference
         self._path_length_m = 0.0

@@ -10,8 +10,6 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PATHS = sorted([*ROOT.glob("gslcosim/**/*.py"), *ROOT.glob("services/**/*.py")])
-# Files whose prose is still to be written anew, one per line.
-UNREAD = set(Path(__file__).with_name("unread_prose.txt").read_text().split())
 WORDS = re.compile(
     r"(?i:\b(?:who|whom|whoever|nobody|somebody|everybody|anybody|told|tells|says|hears|knows|flown)\b)"
     r"|(?:^\W*|[.:;]\s+)What\b",
@@ -41,18 +39,9 @@ def find_words(source):
     return sorted({word.lstrip("# .:;\n") for text in texts for word in WORDS.findall(text)})
 
 
-def find_files_with_words():
-    """Return the words of each file of the core that has some."""
-    found = {path.relative_to(ROOT).as_posix(): find_words(path.read_text()) for path in PATHS}
-    return {name: words for name, words in found.items() if words}
-
-
 def test_prose_of_the_core_has_no_persons_for_programs():
-    assert {name: words for name, words in find_files_with_words().items() if name not in UNREAD} == {}
-
-
-def test_each_file_still_to_be_read_has_such_a_word():
-    assert UNREAD - find_files_with_words().keys() == set(), "delete these lines from unread_prose.txt"
+    found = {path.relative_to(ROOT).as_posix(): find_words(path.read_text()) for path in PATHS}
+    assert {name: words for name, words in found.items() if words} == {}
 
 
 @pytest.mark.parametrize(

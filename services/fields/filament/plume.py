@@ -178,11 +178,11 @@ class GasSource:
 
 @dataclass(frozen=True, kw_only=True)
 class Filaments:
-    """Filaments at one instant; what the concentration is summed from.
+    """Filaments at one instant, from which the concentration is summed.
 
     `position_world_m` (n, 3) centres [m], `sigma_m` (n,) standard deviations [m], `source_index` (n,) int32 into the
-    tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32. `is_rounded` says that
-    places and sizes are in single precision.
+    tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32. With `is_rounded`,
+    positions and sizes are in single precision.
     """
 
     position_world_m: NDArray[np.floating]
