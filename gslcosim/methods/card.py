@@ -11,6 +11,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
+from gslcosim.base.bundled import CARD_FILE
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
@@ -40,7 +41,6 @@ def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
     return sum(sensor.quantity in INSTRUMENT_KINDS[kind][0] for sensor in sensors)
 
 
-CARD_FILE = "method.yaml"
 # Parameters that several methods have, a file each; a card takes them over by `includes`.
 SHARED_PARAMETERS = Path(__file__).with_name("parameters")
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
@@ -167,9 +167,9 @@ class Needs(_CardPart):
 class MethodCard(_CardPart):
     """A search method: what it is, what it needs, and what it can be set to.
 
-    `robots` is how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a
-    decision may take at the 95th percentile. In a file, `includes` names files of `SHARED_PARAMETERS` whose parameters
-    the method has as well.
+    `program` names the class of a Python agent, `module:Class`, where no agent.py stands beside the card. `robots` is
+    how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a decision may take
+    at the 95th percentile. In a file, `includes` names files of `SHARED_PARAMETERS` whose parameters it has as well.
     """
 
     schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
@@ -177,6 +177,7 @@ class MethodCard(_CardPart):
     family: Family
     summary: str
     paper: str
+    program: Annotated[str, Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$")] | None = None
     needs: Needs = Needs()
     robots: Count | tuple[Count, Count] = 1
     dimensions: Literal[2, 3] = 2
@@ -285,13 +286,24 @@ def find_unmet_needs(
         n_channels: The radio channels on which the agent is.
         parameters: The scenario's settings for it.
     """
-    sensors = tuple(sensors)
-    return [
-        *_missing_sensors(card, sensors),
-        *_missing_grants(card, knows),
-        *_missing_radio(card, n_channels),
-        *_wrong_parameters(card, parameters),
+    problems = [
+        *_missing_sensors(card, tuple(sensors)),
+        *(
+            Problem(
+                where="knows",
+                expected=f"{item}: true for {card.title}",
+                found="not granted",
+                remedy=f"Add knows: {{{item}: true}} to the agent.",
+            )
+            for item in card.needs.knows
+            if item not in knows
+        ),
     ]
+    if card.needs.radio and not n_channels:
+        radio = f"an agent on a radio channel for {card.title}"
+        remedy = "Add for example channels: [{name: radio}] to the scenario."
+        problems.append(Problem(where="name", expected=radio, found="one without", remedy=remedy))
+    return [*problems, *_wrong_parameters(card, parameters)]
 
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
@@ -310,27 +322,6 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
             )
 
 
-def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Problem]:
-    for item in card.needs.knows:
-        if item not in knows:
-            yield Problem(
-                where="knows",
-                expected=f"{item}: true for {card.title}",
-                found="not granted",
-                remedy=f"Add knows: {{{item}: true}} to the agent.",
-            )
-
-
-def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Problem]:
-    if card.needs.radio and not n_channels:
-        yield Problem(
-            where="name",
-            expected=f"an agent on a radio channel for {card.title}",
-            found="one without",
-            remedy="Add for example channels: [{name: radio}] to the scenario.",
-        )
-
-
 def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[Problem]:
     for name, value in parameters.items():
         parameter = card.parameters.get(name)
@@ -338,16 +329,9 @@ def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterab
             known = ", ".join(card.parameters) or "none"
             nearest = get_close_matches(name, card.parameters, n=1)
             hint = f"Did you mean {nearest[0]}?" if nearest else "Leave it out."
-            yield Problem(
-                where=f"parameters.{name}",
-                expected=f"a parameter of {card.title} ({known})",
-                found=f"'{name}'",
-                remedy=hint,
-            )
+            expected = f"a parameter of {card.title} ({known})"
+            yield Problem(where=f"parameters.{name}", expected=expected, found=f"'{name}'", remedy=hint)
         elif expected := parameter.problem_of(value):
-            yield Problem(
-                where=f"parameters.{name}",
-                expected=expected,
-                found=f"{value!r}" if isinstance(value, str) else f"{value}",
-                remedy=f"Its default is {parameter.default}.",
-            )
+            found = f"{value!r}" if isinstance(value, str) else f"{value}"
+            remedy = f"Its default is {parameter.default}."
+            yield Problem(where=f"parameters.{name}", expected=expected, found=found, remedy=remedy)

@@ -4,8 +4,11 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim_agents.random_walker.agent import RandomWalker
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_search.motion.legs import build_obstacles
+
+RandomWalker = load_python_agent(bundled_agents()["random_walker"])
 
 HERE_M = (7.0, 5.0, 2.0)
 
