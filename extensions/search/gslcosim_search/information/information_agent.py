@@ -38,7 +38,8 @@ from gslcosim_search.information.objectives import (
     update_belief,
 )
 from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
-from gslcosim_search.motion.legs import LegSpace, build_obstacles, to_millimetre
+from gslcosim_search.motion.legs import LegSpace, to_millimetre
+from gslcosim_search.occupancy import OccupancyMap, free_cells
 from gslcosim_search.search_agent import SearchAgent
 from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import find_noses, find_vane
@@ -158,9 +159,7 @@ class InformationAgent(SearchAgent):
         )
         self._dispersal = assumed_dispersal(briefing, settings, dimensions)
         self._monitor = SurpriseMonitor(n_stops=settings.monitor_stops)
-        free = np.ones(self.grid.shape, np.bool_)
-        if briefing.known_map is not None:
-            free = self.grid.free_cells(briefing.known_map)
+        free = free_cells(briefing.known_map, self.grid)
         p = beliefs.normalised(free.reshape(-1).astype(np.float64))
         self._memory = _Memory(p=p, passed=np.zeros(self.grid.n_cells, np.bool_))
         self.costs(self.build_context(self._room.nearest(self._cells_m.mean(axis=0))))
@@ -424,7 +423,7 @@ def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> 
     obstacles = None
     if briefing.known_map is not None:
         height_m = briefing.search_height_m if dimensions == 2 else None
-        obstacles = build_obstacles(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
+        obstacles = OccupancyMap.of(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
     return LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
 
 
