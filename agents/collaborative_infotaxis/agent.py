@@ -13,6 +13,7 @@ from gslcosim_search.information.information_agent import arrival_radius_m, assu
 from gslcosim_search.information.objectives import find_min_cost_index
 from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
 from gslcosim_search.motion.legs import LegPlanner, leg_end
+from gslcosim_search.occupancy import free_cells
 from gslcosim_search.search_agent import SearchAgent
 from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import find_noses, find_vane
@@ -40,10 +41,9 @@ class CollaborativeInfotaxis(SearchAgent):
         self.evidence = GasEvidence(find_noses(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
         self.winds = WindRecord(find_vane(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
         self.grid = CellGrid.covering(briefing.bounds, s.cell_m)
-        known_map = briefing.known_map
         self.belief = SharedBelief(
             self.grid,
-            np.ones(self.grid.shape, np.bool_) if known_map is None else self.grid.free_cells(known_map),
+            free_cells(briefing.known_map, self.grid),
             assumed_dispersal(briefing, s, 2),
             floor=s.floor,
             power=s.power,

@@ -21,6 +21,7 @@ from gslcosim_search.information.pomdp import (
 )
 from gslcosim_search.motion.declaration import Estimate, by_mass
 from gslcosim_search.motion.legs import LegSpace, leg_end, next_leg
+from gslcosim_search.occupancy import free_cells
 from gslcosim_search.search_agent import SearchAgent
 from gslcosim_search.senses.instruments import find_noses, find_vane
 from gslcosim_search.senses.stop_and_measure import StopAndMeasure
@@ -49,7 +50,7 @@ class Qmdp(SearchAgent):
         self.publisher = BeliefPublisher(every_s=self.settings.belief_every_s)
         self.grid = CellGrid.covering(briefing.bounds, self.settings.cell_m, max_cells=MAX_CELLS)
         self.places_m = self.grid.centres_m()
-        free = np.ones(self.grid.shape) if briefing.known_map is None else self.grid.free_cells(briefing.known_map)
+        free = free_cells(briefing.known_map, self.grid)
         self.belief = np.asarray(free, np.float64).ravel() / np.sum(free)
         self.refused: set[tuple[int, int, int]] = set()
         self.visits: dict[tuple[int, int], int] = {}

@@ -9,12 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.agent_kit.settings import extract_settings, load_settings
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.bayes import source_terms
 from gslcosim_search.bayes.belief_search import BeliefAgent
 from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, by_spread
+from gslcosim_search.search_agent import extract_settings
 from gslcosim_search.senses.hit_detection import Finding
 from gslcosim_search.senses.instruments import find_noses
 

@@ -9,10 +9,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from gslcosim.base.bundled import bundled_schemas
-from gslcosim_bench.cases.models import Suite
 from gslcosim.methods.card import MethodCard, list_shared_parameters
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_bench.cases.families import FamilySpec
+from gslcosim_bench.cases.models import Suite
 from gslcosim_training.train_file import TrainSpec
 
 MODELS: dict[str, type[BaseModel]] = {

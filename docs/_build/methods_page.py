@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import yaml
 
+from gslcosim.base.bundled import AGENT_FILE
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.methods.card import CARD_FILE, FAMILIES, MethodCard, Parameter, load_card
 
@@ -81,15 +82,16 @@ def find_methods(agents: Path, costs: Mapping[str, Any]) -> list[Method]:
         agents: The folder; a method is a folder in it with a card and a program.
         costs: The content of `method_costs.json`, or nothing.
     """
-    paths = [path for path in sorted(agents.glob(f"*/{CARD_FILE}")) if path.with_name("agent.py").is_file()]
+    cards = {path: load_card(path) for path in sorted(agents.glob(f"*/{CARD_FILE}"))}
     found = [
         Method(
             name=path.parent.name,
-            card=load_card(path),
+            card=card,
             p95_ms=costs.get("methods", {}).get(path.parent.name, {}).get("p95_ms"),
             ports=_ports_of(path.parent),
         )
-        for path in paths
+        for path, card in cards.items()
+        if card.program is not None or path.with_name(AGENT_FILE).is_file()
     ]
     return sorted(found, key=lambda method: (FAMILIES.index(method.card.family), method.card.title))
 

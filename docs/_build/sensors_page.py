@@ -78,7 +78,10 @@ def _pid_rows() -> str:
         for name, gas in GASES.items()
         if gas.pid
     ]
-    return "\n".join(["| gas | ionisation energy [eV] | CF at 10.6 eV | CF at 11.7 eV |", "|---|---|---|---|", *rows]) + "\n"
+    return (
+        "\n".join(["| gas | ionisation energy [eV] | CF at 10.6 eV | CF at 11.7 eV |", "|---|---|---|---|", *rows])
+        + "\n"
+    )
 
 
 def _factor(factor: float | None) -> str:

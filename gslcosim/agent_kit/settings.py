@@ -1,15 +1,11 @@
 """Settings of a method, from its card and the briefing."""
 
-from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, TypeVar
 
 from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
 from gslcosim.methods.card import CARD_FILE, find_unmet_needs, load_card
-
-Settings = TypeVar("Settings", bound=Any)
 
 
 def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
@@ -22,24 +18,14 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
         MethodError: a sensor, a grant or a channel is missing, or a parameter is wrong; the text has all problems.
     """
     card = load_card(Path(program).with_name(CARD_FILE))
+    grants = {"map": briefing.known_map, "plume": briefing.plume, "source": briefing.known_sources}
     shortages = find_unmet_needs(
         card,
         sensors=briefing.sensors,
-        knows=granted_knowledge(briefing),
+        knows=tuple(name for name, grant in grants.items() if grant),
         n_channels=len(briefing.channels),
         parameters=briefing.parameters,
     )
     if shortages:
         raise MethodError("; ".join(str(shortage) for shortage in shortages))
     return SimpleNamespace(**card.settings(briefing.parameters))
-
-
-def extract_settings(kind: type[Settings], settings: object) -> Settings:
-    """Return the part of a method's settings that a dataclass names; missing ones keep the dataclass's defaults."""
-    return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})
-
-
-def granted_knowledge(briefing: Briefing) -> tuple[str, ...]:
-    """Return the kinds of knowledge that a briefing grants: `map`, `plume`, `source`."""
-    grants = {"map": briefing.known_map, "plume": briefing.plume, "source": briefing.known_sources}
-    return tuple(name for name, grant in grants.items() if grant)

@@ -9,6 +9,9 @@ from gslcosim.base.extensions import AGENTS_GROUP, list_registered
 SCENARIOS_PACKAGE = "gslcosim_scenarios"
 AGENTS_PACKAGE = "gslcosim_agents"
 AGENT_FILE = "agent.py"
+CARD_FILE = "method.yaml"
+# Endings of what `start.python` takes beside names: a file of Python, and a card that names its program.
+PROGRAM_ENDINGS = (".py", CARD_FILE)
 SUITE_FILE = "suite.yaml"
 FAMILY_FILE = "family.yaml"
 
@@ -35,10 +38,9 @@ def bundled_train_files() -> dict[str, Path]:
 
 
 def bundled_agents() -> dict[str, Path]:
-    """Return the program of each bundled Python agent by name: `agents/<name>/agent.py`, and those of extensions."""
-    programs = {
-        path.parent.name: path for folder in _list_agent_folders() for path in sorted(folder.glob(f"*/{AGENT_FILE}"))
-    }
+    """Return the program of each bundled Python agent, and of extensions' agents: `agent.py`, or else its card."""
+    folders, files = _list_agent_folders(), (CARD_FILE, AGENT_FILE)
+    programs = {path.parent.name: path for folder in folders for file in files for path in folder.glob(f"*/{file}")}
     return dict(sorted(programs.items()))
 
 
@@ -49,7 +51,8 @@ def find_bundled_agent(name: str) -> Path | None:
     """
     if name in ("", "..") or Path(name).name != name:
         return None
-    programs = (folder / name / AGENT_FILE for folder in reversed(_list_agent_folders()))
+    folders = reversed(_list_agent_folders())
+    programs = (folder / name / file for folder in folders for file in (AGENT_FILE, CARD_FILE))
     return next((program for program in programs if program.is_file()), None)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 ATTACHED = "attached"
-_GENERIC = frozenset({"agent", "main"})
+_GENERIC = frozenset({"agent", "main", "method"})
 # Folders between a project and its build products.
 _BUILD_FOLDERS = frozenset({"bin", "build", "debug", "dist", "release", "src", "target"})
 _SCRIPTS = frozenset({".jar", ".java", ".jl", ".js", ".lua", ".m", ".mjs", ".pl", ".py", ".r", ".rb", ".sh", ".ts"})
@@ -14,7 +14,7 @@ def name_method(*, python: str | None = None, command: Sequence[str] = (), metho
     """Return the name of an agent's method from the start of the agent; `attached` if there is none.
 
     A bundled agent has its own name and a program that of its file, without its ending. Files called `agent` or `main`
-    are named after their folder. An interpreter with a script has the name of the script.
+    and cards are named after their folder. An interpreter with a script has the name of the script.
     """
     if method:
         return method

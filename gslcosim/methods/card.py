@@ -11,6 +11,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
+from gslcosim.base.bundled import CARD_FILE
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
@@ -22,7 +23,6 @@ WIND_QUANTITY = "apparent_wind"
 RANGE_QUANTITY = "range"
 CAMERA_QUANTITY = "picture"
 
-
 # For each kind the quantities of its sensors, and an example for a scenario. Methods map a reading to the place of the
 # sensor, so that a beam is no gas for them.
 INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
@@ -33,7 +33,6 @@ INSTRUMENT_KINDS: dict[str, tuple[Collection[str], str]] = {
     "range": ((RANGE_QUANTITY,), "{model: four_range_finders, name: ranges}"),
     "camera": ((CAMERA_QUANTITY,), "{model: camera, name: eye}"),
 }
-CARD_FILE = "method.yaml"
 # Parameters of several methods, one file each; a card adopts them by `includes`.
 SHARED_PARAMETERS = Path(__file__).with_name("parameters")
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
@@ -163,10 +162,11 @@ class Needs(_CardPart):
 class MethodCard(_CardPart):
     """A search method: its description, its needs, and its settings.
 
-    `robots` is the number of robots that run it together: one number, or minimum and maximum. `decision_limit_ms` is
-    the limit of a decision's time at the 95th percentile. `files` names the files and folders beside the card that a
-    sandbox shows the program, apart from its code. In a file, `includes` names files of `SHARED_PARAMETERS` whose
-    parameters the method has as well.
+    `program` names the class of a Python agent, `module:Class`, if no agent.py is beside the card. `robots` is the
+    number of robots that run it together: one number, or minimum and maximum. `decision_limit_ms` is the limit of a
+    decision's time at the 95th percentile. `files` names the files and folders beside the card that a sandbox shows the
+    program, apart from its code. In a file, `includes` names files of `SHARED_PARAMETERS` whose parameters the method
+    has as well.
     """
 
     schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
@@ -174,6 +174,7 @@ class MethodCard(_CardPart):
     family: Family
     summary: str
     paper: str
+    program: Annotated[str, Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$")] | None = None
     needs: Needs = Needs()
     robots: Count | tuple[Count, Count] = 1
     dimensions: Literal[2, 3] = 2
@@ -328,16 +329,9 @@ def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterab
             known = ", ".join(card.parameters) or "none"
             nearest = get_close_matches(name, card.parameters, n=1)
             hint = f"Did you mean {nearest[0]}?" if nearest else "Leave it out."
-            yield Problem(
-                where=f"parameters.{name}",
-                expected=f"a parameter of {card.title} ({known})",
-                found=f"'{name}'",
-                remedy=hint,
-            )
+            expected = f"a parameter of {card.title} ({known})"
+            yield Problem(where=f"parameters.{name}", expected=expected, found=f"'{name}'", remedy=hint)
         elif expected := parameter.problem_of(value):
-            yield Problem(
-                where=f"parameters.{name}",
-                expected=expected,
-                found=f"{value!r}" if isinstance(value, str) else f"{value}",
-                remedy=f"Its default is {parameter.default}.",
-            )
+            found = f"{value!r}" if isinstance(value, str) else f"{value}"
+            remedy = f"Its default is {parameter.default}."
+            yield Problem(where=f"parameters.{name}", expected=expected, found=found, remedy=remedy)

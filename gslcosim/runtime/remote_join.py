@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gslcosim.base.bundled import PROGRAM_ENDINGS
 from gslcosim.base.errors import ScenarioError, SimulationFault, UsageError
-from gslcosim.base.processes import Interruption, build_python_command
+from gslcosim.base.processes import Interruption
 from gslcosim.base.spawn import check_program
 from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE, Bus, JoinData
 from gslcosim.bus.zenoh_bus import ZenohBus
@@ -17,7 +18,7 @@ from gslcosim.contract.participant import Core
 from gslcosim.environment.generation.cache import with_variants
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import find_variants
-from gslcosim.runtime.agents.loader import find_python_agent
+from gslcosim.runtime.agents.loader import build_program_command, find_python_agent
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.host import Host, report_fault
 from gslcosim.runtime.network import JoinFile
@@ -42,12 +43,12 @@ def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> lis
     """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is."""
     if not words:
         raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
-    is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])
+    is_python = len(words) == 1 and (words[0].endswith(PROGRAM_ENDINGS) or "/" not in words[0])
     if is_python:
         try:
             found = find_python_agent(words[0], Path.cwd())
         except UsageError:
-            if words[0].endswith(".py"):
+            if words[0].endswith(PROGRAM_ENDINGS):
                 raise
         else:
             if is_behind_gateway:
@@ -55,7 +56,7 @@ def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> lis
                     f"agent: expected a command that connects to the gateway, was {words[0]!r}: Python agents attach "
                     "with start: {attach: true}, without door: tcp."
                 )
-            return build_python_command(str(found))
+            return build_program_command(found)
     check_program("agent", words, None)
     return list(words)
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from gslcosim.methods.card import MethodCard
+from gslcosim.methods.card import MethodCard, Needs
 from gslcosim.scenario.loader import load_scenario, resolve_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
@@ -16,26 +16,21 @@ TIME_LIMIT_S = 60.0
 def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -> Scenario:
     """Return a scenario in a small room that gives a bundled agent everything its card requires."""
     values = plain_values(load_scenario(METHOD_SCENARIO).scenario)
-    needs = card.needs if card is not None else None
+    needs, robots = (card.needs, card.robots) if card is not None else (Needs(), 1)
     first = values["agents"][0]
     first["start"] = {"python": name}
-    first["knows"] = dict.fromkeys(needs.knows, True) if needs is not None else {}
-    first["sensors"] = _build_sensors(tuple(needs.sensors) if needs is not None else ())
-    robots = card.robots if card is not None else 1
+    first["knows"] = dict.fromkeys(needs.knows, True)
+    model = "pid" if "gas_ppm" in needs.sensors else "tgs2600"
+    camera = [{"model": "camera", "name": "eye", "period_s": 0.5}] if "camera" in needs.sensors else []
+    first["sensors"] = [{"model": model, "name": "nose"}, {"model": "anemometer", "name": "wind"}, *camera]
     n_robots = robots if isinstance(robots, int) else robots[0]
     values["agents"] = [first, *(_build_robot(first, i) for i in range(1, n_robots))]
-    if needs is not None and needs.radio:
+    if needs.radio:
         values["channels"] = [{"name": "radio"}]
     values["referee"]["success"] = {"within_m": 0.01, "of": "source"}
     values["referee"]["stop"] = {"time_limit_s": TIME_LIMIT_S}
     values["recording"] = {"enabled": False}
     return resolve_values(values, directory, source=f"the small room of {name}")
-
-
-def _build_sensors(kinds: tuple[str, ...]) -> list[dict[str, Any]]:
-    model = "pid" if "gas_ppm" in kinds else "tgs2600"
-    camera = [{"model": "camera", "name": "eye", "period_s": 0.5}] if "camera" in kinds else []
-    return [{"model": model, "name": "nose"}, {"model": "anemometer", "name": "wind"}, *camera]
 
 
 # In a row across the room, apart from each other.

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gslcosim.base.bundled import PROGRAM_ENDINGS
 from gslcosim.base.problems import Problem
 from gslcosim.base.scenario_keys import list_inputs
 from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
@@ -52,7 +53,7 @@ def _is_path(path: str, text: str) -> bool:
     if re.sub(r"\[\d+\]", "[]", path) in {each.place for each in list_inputs()}:
         return True
     if _PYTHON.fullmatch(path):
-        return "/" in text or text.endswith(".py")
+        return "/" in text or text.endswith(PROGRAM_ENDINGS)
     if command := _COMMAND.fullmatch(path):
         word = int(command[1])
         return (word == 0 and "/" in text) or (word == 1 and text.endswith(SCRIPT_ENDINGS))

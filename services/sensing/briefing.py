@@ -246,17 +246,10 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
 
 
 def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:
-    for program in _list_programs(agent, directory):
+    name = agent.start.python or ""
+    for program in (name, find_bundled_agent(name) or "", *(agent.start.command or ())):
         # An argument may be too long for a file's name, which `Path.is_file` refuses.
-        if os.path.isfile(program) and (card := find_card_beside(program)) is not None:  # noqa: PTH113
+        is_file = os.path.isfile(directory / program)  # noqa: PTH113
+        if is_file and (card := find_card_beside(directory / program)) is not None:
             return card
     return None
-
-
-def _list_programs(agent: AgentSpec, directory: Path) -> Iterator[Path]:
-    if agent.start.python is not None:
-        yield directory / agent.start.python
-        if (bundled := find_bundled_agent(agent.start.python)) is not None:
-            yield bundled
-    for word in agent.start.command or ():
-        yield directory / word

@@ -88,21 +88,6 @@ class CellGrid:
         """Return the centre of a cell, world frame [m]."""
         return tuple(low + (i + 0.5) * self.cell_m for low, i in zip(self.origin_m, index, strict=True))
 
-    def free_cells(self, known_map: KnownMap) -> NDArray[np.bool_]:
-        """Return which cells are free in a map: their centres lie in free cells of it. Outside of the map none is.
-
-        A map in space is cut to the plane for a grid in the plane at its middle; a plane map holds at all heights.
-        """
-        occupied = known_map.occupied.to_array()
-        if self.dimensions < occupied.ndim:
-            occupied = occupied[:, :, occupied.shape[2] // 2]
-        of_map = CellGrid(known_map.origin_m[: occupied.ndim], known_map.cell_m, occupied.shape)
-        index = np.floor((self.centres_m()[:, : occupied.ndim] - of_map.origin_m) / of_map.cell_m).astype(np.int64)
-        inside = np.all((index >= 0) & (index < occupied.shape), axis=1)
-        free = np.zeros(self.n_cells, np.bool_)
-        free[inside] = occupied[tuple(index[inside].T)] == 0
-        return free.reshape(self.shape)
-
 
 def _counts(spans_m: Sequence[float], cell_m: float) -> tuple[int, ...]:
     return tuple(max(1, math.ceil(span_m / cell_m - 1e-9)) for span_m in spans_m)

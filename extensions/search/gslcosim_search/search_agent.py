@@ -1,8 +1,9 @@
 """Search agent: evidence, belief, declaration and planner, over one machine of legs and stops."""
 
 from abc import abstractmethod
+from dataclasses import fields
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from gslcosim_search.beliefs import BeliefPublisher, CellGrid
 from gslcosim_search.motion.declaration import DeclarationGuard, Estimate
 from gslcosim_search.random_stream import RandomStream
 
+Settings = TypeVar("Settings", bound=Any)
+
 
 class SearchAgent(Agent):
     """An agent that goes by legs and decides at stops, in the order in which all search methods do so.
@@ -25,8 +28,8 @@ class SearchAgent(Agent):
     4. declaration: what `estimate` returns is declared, once for each place; `declares: false` switches that off.
     5. planner: `next_leg` is the answer otherwise, with the radio messages of `outgoing`.
 
-    A method is a subclass that names its `program` (`__file__`, with its card beside it) and fills in what it has of
-    these; `next_leg` it must.
+    A method is a subclass that fills in what it has of these; `next_leg` it must. Its `program` is its card that names
+    it, or its `__file__` with the card beside it.
 
     State: the random stream of the method, when a belief was published, and what was declared.
 
@@ -96,3 +99,8 @@ class SearchAgent(Agent):
     def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
         """Return the messages to other robots that go with the command at a stop."""
         return ()
+
+
+def extract_settings(kind: type[Settings], settings: object) -> Settings:
+    """Return the part of a method's settings that a dataclass names; those that are missing keep their defaults."""
+    return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})

@@ -157,11 +157,11 @@ def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
 
 
 def _start_block(program: str) -> str:
-    from gslcosim.base.bundled import bundled_agents
+    from gslcosim.base.bundled import PROGRAM_ENDINGS, bundled_agents
 
     if program.lstrip().startswith("{"):
         return program
-    if program in bundled_agents() or program.endswith(".py"):
+    if program in bundled_agents() or program.endswith(PROGRAM_ENDINGS):
         return json.dumps({"python": program})
     try:
         words = shlex.split(program)

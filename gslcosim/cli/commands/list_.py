@@ -1,7 +1,6 @@
 """`gslcosim list`: building blocks of scenarios."""
 
 import argparse
-import ast
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
@@ -41,10 +40,11 @@ def _first_comment(path: Path) -> str:
     return first.lstrip("# ").strip() if first.startswith("#") else ""
 
 
-# Parsed, not imported: an agent's program may do anything on import.
-def _first_docstring_line(path: Path) -> str:
-    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return docstring.partition("\n")[0]
+def _summary_of_card(program: Path) -> str:
+    from gslcosim.methods.card import find_card_beside
+
+    card = find_card_beside(program)
+    return f"{card.title}: {card.summary}" if card is not None else ""
 
 
 def _sensors() -> list[Row]:
@@ -115,7 +115,7 @@ def _layouts() -> list[Row]:
 
 KINDS: dict[str, Callable[[], list[Row]]] = {
     "scenarios": partial(_bundled, "scenarios", _first_comment),
-    "agents": partial(_bundled, "agents", _first_docstring_line),
+    "agents": partial(_bundled, "agents", _summary_of_card),
     "sensors": _sensors,
     "gas_models": partial(_kinds_at, "gas", "GAS_KINDS"),
     "wind_solvers": partial(_kinds_at, "wind", "WIND_KINDS"),

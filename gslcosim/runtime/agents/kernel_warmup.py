@@ -44,19 +44,12 @@ def compile_agent_kernels(
             # Of several workers of a benchmark one compiles, and the others wait for it.
             with hold_lock(mark.with_suffix(".lock")):
                 if not mark.exists():
-                    _compile_in_subprocess(name)
+                    command = [*build_parent_death_prefix(), *build_python_command("-m", __name__, name)]
+                    nothing = subprocess.DEVNULL
+                    subprocess.run(
+                        command, stdin=nothing, stdout=nothing, stderr=nothing, timeout=COMPILE_TIMEOUT_S, check=False
+                    )
                     mark.touch()
-
-
-def _compile_in_subprocess(name: str) -> None:
-    subprocess.run(
-        [*build_parent_death_prefix(), *build_python_command("-m", __name__, name)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        timeout=COMPILE_TIMEOUT_S,
-        check=False,
-    )
 
 
 def _list_sandboxed_agents(scenario: Scenario, directory: Path, *, is_one_process: bool) -> list[str]:

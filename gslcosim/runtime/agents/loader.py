@@ -1,13 +1,13 @@
 """Loading of agents: the command line of a process, or the class of an object in this one."""
 
 import importlib.util
-import inspect
 import sys
 from collections.abc import Container, Sequence
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent
-from gslcosim.base.bundled import bundled_agents
+from gslcosim.agent_kit.card_agent import is_agent_class, load_card_agent
+from gslcosim.base.bundled import CARD_FILE, bundled_agents
 from gslcosim.base.errors import GslCosimError, UsageError
 from gslcosim.base.processes import build_python_command
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
@@ -16,7 +16,7 @@ from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     """Return the command line of an agent, or None when it attaches itself."""
     if agent.start.python is not None:
-        return build_python_command(str(find_python_agent(agent.start.python, directory)))
+        return build_program_command(find_python_agent(agent.start.python, directory))
     if (start := agent.start.registered) is not None:
         place, maker = f"agents[].start.{start.name}", start.build_command.__module__
         try:
@@ -32,6 +32,12 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.command is not None:
         return resolve_command(agent.start.command, directory)
     return None
+
+
+def build_program_command(program: Path) -> list[str]:
+    """Return the command line of a Python agent: its file, or a card that names its class."""
+    kit = ("-m", "gslcosim.agent_kit.card_agent") if program.name == CARD_FILE else ()
+    return build_python_command(*kit, str(program))
 
 
 def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[str]) -> dict[str, type[Agent]]:
@@ -50,7 +56,7 @@ def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[s
 
 
 def find_python_agent(name: str, directory: Path) -> Path:
-    """Return the file of a Python agent: a path relative to the scenario, or the name of a bundled agent."""
+    """Return the program of a Python agent: a path relative to the scenario, or the name of a bundled agent."""
     beside = directory / name
     if beside.is_file():
         return beside.absolute()
@@ -61,7 +67,9 @@ def find_python_agent(name: str, directory: Path) -> Path:
 
 
 def load_python_agent(path: Path) -> type[Agent]:
-    """Import an agent's file and return the one `Agent` it defines."""
+    """Return the one `Agent` that a file defines, or the one that a card names."""
+    if path.name == CARD_FILE:
+        return load_card_agent(path)
     module_name = f"gslcosim_agent_{path.parent.name}_{path.stem}"
     spec = importlib.util.spec_from_file_location(module_name, path)
     if spec is None or spec.loader is None:
@@ -72,20 +80,11 @@ def load_python_agent(path: Path) -> type[Agent]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise UsageError(f"expected an agent that can be imported, got {error!r}.\nFile: {path}") from error
-    found = [item for item in vars(module).values() if _is_agent_class(item, module_name)]
+    found = [item for item in vars(module).values() if is_agent_class(item) and item.__module__ == module_name]
     if len(found) != 1:
         names = [item.__name__ for item in found]
         raise UsageError(f"expected one subclass of gslcosim.agent_kit.Agent, found {names}.\nFile: {path}")
     return found[0]
-
-
-def _is_agent_class(item: object, module_name: str) -> bool:
-    return (
-        inspect.isclass(item)
-        and issubclass(item, Agent)
-        and not inspect.isabstract(item)
-        and item.__module__ == module_name
-    )
 
 
 def resolve_command(command: Sequence[str], directory: Path) -> list[str]:

@@ -10,12 +10,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import cast
 
-from gslcosim.base.bundled import bundled_agents, find_bundled_agent
+from gslcosim.base.bundled import CARD_FILE, PROGRAM_ENDINGS, bundled_agents, find_bundled_agent
+from gslcosim.base.errors import MethodError
 from gslcosim.base.extensions import find_remedy, list_absent_modules
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.base.scenario_keys import list_file_keys
-from gslcosim.methods.card import MethodCard
+from gslcosim.methods.card import MethodCard, load_card
 from gslcosim.scenario.problems import child_path, did_you_mean
 
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
@@ -79,13 +80,13 @@ def _why_no_path(text: str, *, is_argument: bool) -> str:
 
 
 def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
-    """Return the problem of `start.python`, or None if the agent's file exists and is Python."""
+    """Return the problem of `start.python`, or None if the agent's file exists and is Python, or a card."""
     file = (directory / name_or_file).resolve()
     if file.is_file():
         return _find_syntax_problem(file, name_or_file, path) or _find_absent_import(file, name_or_file, path)
     if (bundled := find_bundled_agent(name_or_file)) is not None:
         return _find_absent_import(bundled, name_or_file, path)
-    if "/" in name_or_file or name_or_file.endswith(".py"):
+    if "/" in name_or_file or name_or_file.endswith(PROGRAM_ENDINGS):
         return Problem(where=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
     beside = f"{name_or_file}.py"
     is_beside = (directory / beside).is_file()
@@ -108,19 +109,15 @@ def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str
     found = f"'{command[0]}'"
     place = child_path(path, 0)
     if "/" not in command[0]:
-        if where := shutil.which(command[0]):
-            return _problem_of_interpreter(Path(where), directory, place, found) or _problem_of_script(
-                command, directory, path
-            )
-        is_beside = (directory / command[0]).is_file()
-        remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
-        return Problem(
-            where=place, expected="a program on the PATH, or a path like ./my_agent", found=found, remedy=remedy
-        )
-    file = (directory / command[0]).resolve()
-    if not file.is_file():
+        if (where := shutil.which(command[0])) is None:
+            is_beside = (directory / command[0]).is_file()
+            remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
+            expected = "a program on the PATH, or a path like ./my_agent"
+            return Problem(where=place, expected=expected, found=found, remedy=remedy)
+        file = Path(where)
+    elif not (file := (directory / command[0]).resolve()).is_file():
         return Problem(where=place, expected="a program", found=found, remedy=f"There is no {file}.")
-    if not os.access(file, os.X_OK):
+    elif not os.access(file, os.X_OK):
         is_mounted_so = file.stat().st_mode & _EXECUTABLE_BITS != 0
         remedy = f"The file system of {file} is mounted noexec." if is_mounted_so else f"Run: chmod +x {file}"
         return Problem(where=place, expected="a program that may be executed", found=found, remedy=remedy)
@@ -155,10 +152,8 @@ def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str)
     elif not interpreter:
         missing, remedy = "nothing", f"Name one in the first line of {file}, for example #!/bin/sh."
     if line.endswith(b"\r\n"):
-        missing, remedy = (
-            missing or interpreter,
-            f"The lines of {file} end as on Windows; run: sed -i 's/\\r$//' {file}",
-        )
+        missing = missing or interpreter
+        remedy = f"The lines of {file} end as on Windows; run: sed -i 's/\\r$//' {file}"
     if not missing:
         return None
     expected = "a script whose interpreter is there"
@@ -170,10 +165,9 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
     if sys.platform != "linux" or {*_names_in(_TAKEN_ON)} - {"register", "status"}:
         return None
     if not beginning.startswith(_ELF):
+        expected = "a program, or a script that names its interpreter"
         remedy = f"Name that in the first line of {file}, for example #!/bin/sh, or before it in the command."
-        return Problem(
-            where=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
-        )
+        return Problem(where=place, expected=expected, found=found, remedy=remedy)
     kind = beginning[_MACHINE_AT]
     with Path("/proc/self/exe").open("rb") as program:
         own = program.read(_MACHINE_AT.stop)[_MACHINE_AT]
@@ -212,11 +206,12 @@ def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
     try:
         stat = file.stat()
         found = _describe_syntax_error(file, stat.st_mtime_ns, stat.st_size)
-    except OSError:
-        return None  # the agent's process may be allowed to read what the user is not
+    except (OSError, MethodError):
+        return None  # the agent's process may be allowed to read what the user is not; another check reads cards
     if not found:
         return None
-    return Problem(where=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)
+    expected = "a card that names a program" if file.name == CARD_FILE else "a Python file that can be parsed"
+    return Problem(where=path, expected=expected, found=f"'{written}'", remedy=found)
 
 
 def _find_absent_import(file: Path, written: str, path: str) -> Problem | None:
@@ -225,7 +220,7 @@ def _find_absent_import(file: Path, written: str, path: str) -> Problem | None:
         return None
     try:
         imported = _list_imports(file, file.stat().st_mtime_ns)
-    except (OSError, SyntaxError, ValueError):
+    except (OSError, SyntaxError, ValueError, MethodError):
         return None  # another check reports it
     module = next((module for module in absent if module in imported), None)
     if module is None:
@@ -241,6 +236,8 @@ def _find_absent_import(file: Path, written: str, path: str) -> Problem | None:
 @lru_cache(maxsize=256)
 def _list_imports(file: Path, changed_ns: int) -> frozenset[str]:
     del changed_ns
+    if file.name == CARD_FILE:
+        return frozenset({(load_card(file).program or "").partition(":")[0].partition(".")[0]})
     nodes = list(ast.walk(ast.parse(read_regular_file(file), str(file))))
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
@@ -251,6 +248,8 @@ def _list_imports(file: Path, changed_ns: int) -> frozenset[str]:
 @lru_cache(maxsize=256)
 def _describe_syntax_error(file: Path, changed_ns: int, n_bytes: int) -> str:
     del changed_ns, n_bytes
+    if file.name == CARD_FILE:
+        return "" if load_card(file).program else f"Add program: module:Class to {file}."
     try:
         with warnings.catch_warnings(action="ignore"):
             ast.parse(read_regular_file(file), str(file))

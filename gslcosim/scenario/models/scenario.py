@@ -111,7 +111,7 @@ class StartSpec(Spec):
     """
 
     python: str | None = Field(
-        default=None, description="name of a bundled agent, or a Python file relative to the scenario's folder"
+        default=None, description="name of a bundled agent, or a Python file or card relative to the scenario's folder"
     )
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,

@@ -12,6 +12,7 @@ from gslcosim.base.method_names import join_methods, name_method
         ("upwind.py", "upwind"),
         ("/home/me/searches/upwind.py", "upwind"),
         ("my_search/agent.py", "my_search"),
+        ("my_search/method.yaml", "my_search"),
         ("/home/me/my_search/src/main.py", "my_search"),
         ("my_search/agent/main.py", "my_search"),
         ("../agent.py", "agent"),

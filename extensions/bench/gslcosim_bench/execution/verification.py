@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
+from gslcosim.base.bundled import CARD_FILE
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import remove_tree
 from gslcosim.runtime.agents.loader import build_start_command, find_python_agent, resolve_command
@@ -115,7 +116,7 @@ _Program = tuple[str, list[str], tuple[str, ...]]
 def _check_programs(programs: Sequence[tuple[Trial, Iterable[_Program]]], folder: Path, trusting: str) -> None:
     trials = [trial for trial, _ in programs]
     for entry, program in {(trial.entry, program) for trial in trials for program in _python_programs(trial)}:
-        if "__main__" not in program.read_text(encoding="utf-8", errors="replace"):
+        if program.name != CARD_FILE and "__main__" not in program.read_text(encoding="utf-8", errors="replace"):
             raise UsageError(
                 f"{folder}: {entry}: expected a Python agent that is also a program, which a sandbox can start, was "
                 f"one without the line: if __name__ == '__main__': run(MyAgent). {trusting}\nFile: {program}"

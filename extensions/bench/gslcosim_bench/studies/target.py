@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_suites
+from gslcosim.base.bundled import PROGRAM_ENDINGS, bundled_agents, bundled_scenarios, bundled_suites
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.method_names import name_method
@@ -172,7 +172,7 @@ def _bundled_or_file(name: str) -> EntrySpec | None:
     if name in bundled_agents():
         return EntrySpec(name=name, start=StartSpec(python=name))
     path = Path(name)
-    if path.suffix != ".py" or not path.is_file():
+    if not name.endswith(PROGRAM_ENDINGS) or not path.is_file():
         return None
     return EntrySpec(
         name=_as_name(name_method(python=str(path.resolve()))), start=StartSpec(python=str(path.resolve()))

@@ -177,6 +177,12 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     assert reached(outside) == set()
 
 
+def test_an_agent_that_is_a_card_is_a_program(tmp_path):
+    scenario = load_scenario("tiny_room", overrides=["agents[0].start.python=infotaxis"]).scenario
+    trial: Any = SimpleNamespace(entry="e", directory=tmp_path, resolved=scenario)
+    verification.check_confinable([trial], tmp_path)
+
+
 @pytest.mark.parametrize("of", ["agents", "participants"])
 @pytest.mark.parametrize(
     ("value", "is_trusted", "expected"),

@@ -6,7 +6,7 @@ import pytest
 from some_methods import every_method
 
 from gslcosim.base.bundled import bundled_agents
-from gslcosim.base.processes import build_python_command
+from gslcosim.runtime.agents.loader import build_program_command
 from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
 LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
@@ -25,7 +25,7 @@ def reports(request):
 
 
 def wiring_of(name):
-    return ConnectionSpec(command=tuple(build_python_command(str(bundled_agents()[name]))))
+    return ConnectionSpec(command=tuple(build_program_command(bundled_agents()[name])))
 
 
 @every_method()

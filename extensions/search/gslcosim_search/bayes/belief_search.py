@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation
-from gslcosim.agent_kit.settings import extract_settings
 from gslcosim_search.bayes import puff_tracing
 from gslcosim_search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim_search.beliefs import CellGrid, distances_m
@@ -25,7 +24,7 @@ from gslcosim_search.motion.legs import StuckDetector, step_towards_m
 from gslcosim_search.motion.map_navigation import MapNavigator
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.reactive.cast_and_surge import surge_end_m
-from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.search_agent import SearchAgent, extract_settings
 from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import Nose, find_noses, find_vane
 from gslcosim_search.senses.stop_and_measure import MeasuredWind, TrustedWind

@@ -1,4 +1,4 @@
-"""Information-driven agents: a belief on a grid, stops where an objective is best, and the table of objectives.
+"""Information-driven agents: a belief on a grid, stops where an objective is best, and a class for each objective.
 
 Held by:
     extensions/search/tests/agents/test_information_agents.py
@@ -6,7 +6,8 @@ Held by:
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
@@ -37,7 +38,8 @@ from gslcosim_search.information.objectives import (
     update_belief,
 )
 from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
-from gslcosim_search.motion.legs import LegSpace, build_obstacles, to_millimetre
+from gslcosim_search.motion.legs import LegSpace, to_millimetre
+from gslcosim_search.occupancy import OccupancyMap, free_cells
 from gslcosim_search.search_agent import SearchAgent
 from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import find_noses, find_vane
@@ -125,69 +127,11 @@ class _Memory:
     refused_m: list[Place] = field(default_factory=list[Place])
 
 
-Objective = Callable[[PlanningContext, SimpleNamespace], Array]
-
-
-def _expected_entropy(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # The expected entropy after each stop [bit].
-    del settings
-    return infotaxis_cost(context.predict())
-
-
-def _remaining_steps(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # The expected logarithm of the steps that remain after each stop.
-    del settings
-    return space_aware_cost(context.predict(), step_m=context.step_m, cells_per_step=context.cells_per_step)
-
-
-def _reading_entropy(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # Minus the entropy of the next reading at each stop [bit], less where one was made already.
-    del settings
-    return context.novelty * entrotaxis_cost(context.predict())
-
-
-def _information_gain(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # Minus the divergence that each stop is expected to cause [bit].
-    del settings
-    return information_gain_cost(context.predict())
-
-
-def _renyi_or_free_energy(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # The cost of each stop by the chosen reward.
-    if settings.reward == "renyi":
-        return renyi_cost(context.predict(alpha=settings.alpha))
-    return free_energy_cost(context.predict(), step_m=context.step_m, temperature=settings.temperature)
-
-
-def _distance_and_variance(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # Squared distance to the estimate plus weighed variance [m2], more where findings were made already.
-    cost = dual_control_cost(context.predict(), context.places_m, context.mean_m, exploration=settings.exploration)
-    return cost / context.novelty
-
-
-def _entropy_of_sequences(context: PlanningContext, settings: SimpleNamespace) -> Array:
-    # Minus the entropy that each first step is expected to gain, with the best ones after it [bit].
-    return n_step_costs(context.p, context.tree(settings.depth), depth=settings.depth, discount=settings.discount)
-
-
-# What each method weighs: the cost of each place of a planning context, of which the least is best.
-OBJECTIVES: Mapping[str, Objective] = {
-    "infotaxis": _expected_entropy,
-    "infotaxis_3d": _expected_entropy,
-    "space_aware_infotaxis": _remaining_steps,
-    "entrotaxis": _reading_entropy,
-    "information_gain": _information_gain,
-    "cognitive_search": _renyi_or_free_energy,
-    "dual_control": _distance_and_variance,
-    "n_step_infotaxis": _entropy_of_sequences,
-}
-
-
 class InformationAgent(SearchAgent):
     """An agent that keeps a belief on a grid and stops next where its objective is best.
 
-    It goes to the place of least cost among the ends of steps in equal directions, and here. A method names its
-    `objective`, a key of `OBJECTIVES`; `dimensions` is 2 for a search at the briefing's search height, 3 in the volume.
+    It goes to the place of least cost among the ends of steps in equal directions, and here. The objective of a method
+    is its `costs`; `dimensions` is 2 for a search at the briefing's search height, 3 in the volume.
 
     Its settings: cell_m, step_m, n_headings, climb_m (in space), stop_s, wall_margin_m, threshold_ppm, floor, power,
     hits_at_1m, diffusivity_m2_s, lifetime_s, detector_m, wind_memory_s, correlation_s, arrival, declares, radius_m,
@@ -197,7 +141,6 @@ class InformationAgent(SearchAgent):
     what was declared; the surprise of the last stops.
     """
 
-    objective: ClassVar[str]
     dimensions: ClassVar[Literal[2, 3]] = 2
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
@@ -216,9 +159,7 @@ class InformationAgent(SearchAgent):
         )
         self._dispersal = assumed_dispersal(briefing, settings, dimensions)
         self._monitor = SurpriseMonitor(n_stops=settings.monitor_stops)
-        free = np.ones(self.grid.shape, np.bool_)
-        if briefing.known_map is not None:
-            free = self.grid.free_cells(briefing.known_map)
+        free = free_cells(briefing.known_map, self.grid)
         p = beliefs.normalised(free.reshape(-1).astype(np.float64))
         self._memory = _Memory(p=p, passed=np.zeros(self.grid.n_cells, np.bool_))
         self.costs(self.build_context(self._room.nearest(self._cells_m.mean(axis=0))))
@@ -228,9 +169,9 @@ class InformationAgent(SearchAgent):
         """The belief, in the grid's shape."""
         return self._memory.p.reshape(self.grid.shape)
 
+    @abstractmethod
     def costs(self, context: PlanningContext) -> Array:
         """Return the cost of a stop at each place by the method's objective; the least is best."""
-        return OBJECTIVES[self.objective](context, self.settings)
 
     def observe(self, observation: Observation) -> None:
         """Take note of wind and gas on the way; calling it again for the same tick does no harm."""
@@ -355,6 +296,74 @@ class InformationAgent(SearchAgent):
         return observation.position_world_m[: self.dimensions]
 
 
+class Infotaxis(InformationAgent):
+    """Weighs nearing the source against learning where it is by one number, the entropy of its belief."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return the expected entropy of the belief after each stop [bit]."""
+        return infotaxis_cost(context.predict())
+
+
+class Infotaxis3d(Infotaxis):
+    """Infotaxis with a belief over the volume: the height of the source is unknown, too."""
+
+    dimensions = 3
+
+
+class SpaceAwareInfotaxis(InformationAgent):
+    """Adds the way to the source to what infotaxis weighs: its position is worth less when it is far."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return the expected logarithm of the steps that remain after each stop."""
+        return space_aware_cost(context.predict(), step_m=context.step_m, cells_per_step=context.cells_per_step)
+
+
+class Entrotaxis(InformationAgent):
+    """Goes where the next reading is most uncertain, without the beliefs that would follow it."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return minus the entropy of the next reading at each stop [bit], less where one was made already."""
+        return context.novelty * entrotaxis_cost(context.predict())
+
+
+class InformationGain(InformationAgent):
+    """Weighs stops by the divergence of the belief after the reading from that before it."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return minus the divergence that each stop is expected to cause [bit]."""
+        return information_gain_cost(context.predict())
+
+
+class CognitiveSearch(InformationAgent):
+    """Infotaxis with another measure of a reading's worth: a Renyi divergence of beliefs, or free energy."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return the cost of each stop by the chosen reward."""
+        settings = self.settings
+        if settings.reward == "renyi":
+            return renyi_cost(context.predict(alpha=settings.alpha))
+        return free_energy_cost(context.predict(), step_m=context.step_m, temperature=settings.temperature)
+
+
+class DualControl(InformationAgent):
+    """Exploits by nearing the mean of its belief, explores by the variance that a reading would leave."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return squared distance to the estimate plus weighed variance [m2], more where findings were made already."""
+        exploration = self.settings.exploration
+        cost = dual_control_cost(context.predict(), context.places_m, context.mean_m, exploration=exploration)
+        return cost / context.novelty
+
+
+class NStepInfotaxis(InformationAgent):
+    """Looks several stops ahead, through each outcome of each: an uninformative step may lead to an informative one."""
+
+    def costs(self, context: PlanningContext) -> Array:
+        """Return minus the entropy that each first step is expected to gain, with the best ones after it [bit]."""
+        depth, discount = self.settings.depth, self.settings.discount
+        return n_step_costs(context.p, context.tree(depth), depth=depth, discount=discount)
+
+
 def arrival_radius_m(briefing: Briefing) -> float:
     """Return the success radius where the vehicle's arrival at one source ends the search [m]; 0 elsewhere."""
     task = briefing.task
@@ -414,7 +423,7 @@ def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> 
     obstacles = None
     if briefing.known_map is not None:
         height_m = briefing.search_height_m if dimensions == 2 else None
-        obstacles = build_obstacles(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
+        obstacles = OccupancyMap.of(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
     return LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
 
 

@@ -93,7 +93,7 @@ class PolicyRunner:
 
 
 class PolicyAgent(Agent):
-    """An agent whose policy is a file: beside its `program` (`__file__`), which has its card beside it, too."""
+    """An agent whose policy is a file beside its `program`: its card, or a file with its card beside it."""
 
     program: ClassVar[str]
 
@@ -108,6 +108,14 @@ class PolicyAgent(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the command that the policy chooses."""
         return self.pilot.decide(observation)
+
+
+class NamedPolicyAgent(PolicyAgent):
+    """An agent whose policy is that of the bundled agent, or the file, that its parameter `policy` names."""
+
+    def policy_of(self, briefing: Briefing) -> Policy:
+        """Return the policy of the parameter."""
+        return find_policy(load_settings(briefing, self.program).policy, Path(self.program).parents[1])
 
 
 def bundled_policies(agents: Path) -> dict[str, Path]:

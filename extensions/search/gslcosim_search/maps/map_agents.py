@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim_search.beliefs import normalised
-from gslcosim_search.maps import kernel_dm
+from gslcosim_search.maps import gr_gsl, kernel_dm, pmfs, published_pmfs
+from gslcosim_search.maps.gr_gsl import GrGsl, GrGslSettings
 from gslcosim_search.maps.kernel_dm import KernelMap, KernelWidths, ReadingCollector, choose_next_cell
-from gslcosim_search.maps.pmfs import Pmfs
+from gslcosim_search.maps.pmfs import Pmfs, PmfsSettings
+from gslcosim_search.maps.published_pmfs import FilamentSettings, PublishedPmfs
 from gslcosim_search.maps.wind_map import WindMap, WindWeights
 from gslcosim_search.motion.coverage import lawnmower_path_m
 from gslcosim_search.motion.declaration import Estimate, UnchangedRule, by_variance
 from gslcosim_search.motion.grid_paths import path_field
 from gslcosim_search.motion.map_navigation import MapNavigator, Stop, StopRecorder
-from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.search_agent import SearchAgent, extract_settings
 from gslcosim_search.senses.instruments import find_noses, find_vane
 
 
@@ -125,8 +127,14 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
         return self.flights.leg(observation) or self.flights.stay(observation)
 
 
-class HitMapAgent(StopMapAgent[Pmfs]):
-    """Stops, maps hits and the wind, and goes on to where believed sources disagree most: PMFS in either form."""
+class PmfsAgent(StopMapAgent[Pmfs]):
+    """Stops, measures, maps hits and the wind, and goes on to where believed sources disagree most: PMFS."""
+
+    def build_method(self, settings: SimpleNamespace) -> Pmfs:
+        """Return an even belief over the free cells."""
+        pmfs.warm_up()
+        flights = self.flights
+        return Pmfs(flights.free, flights.grid, extract_settings(PmfsSettings, settings), flyable=flights.flyable)
 
     def learn_stop(self, stop: Stop) -> None:
         """Take in what was measured at a stop, and score sources where that is due."""
@@ -143,6 +151,58 @@ class HitMapAgent(StopMapAgent[Pmfs]):
         return self.method.next_goal(observation.position_world_m, self.draws)
 
 
+class PublishedPmfsAgent(PmfsAgent):
+    """PMFS as published: sources by simulations of filaments every few stops, against the map of hits."""
+
+    def build_method(self, settings: SimpleNamespace) -> Pmfs:
+        """Return an even belief over the free cells."""
+        published_pmfs.warm_up()
+        flights = self.flights
+        return PublishedPmfs(
+            flights.free,
+            flights.grid,
+            extract_settings(PmfsSettings, settings),
+            extract_settings(FilamentSettings, settings),
+            self.draws,
+            flyable=flights.flyable,
+        )
+
+    def build_winds(self, settings: SimpleNamespace) -> WindMap:
+        """Return a wind map whose edges are as those of the simulations."""
+        weights = WindWeights(divergence=settings.wind_divergence)
+        return WindMap(self.flights.free, self.flights.grid, weights=weights, edges=settings.edges)
+
+
+class GrGslAgent(StopMapAgent[GrGsl]):
+    """Stops, measures, believes, and goes on to the place that tells most: GrGSL."""
+
+    def build_method(self, settings: SimpleNamespace) -> GrGsl:
+        """Return an even belief over the free cells."""
+        gr_gsl.warm_up()
+        flights = self.flights
+        return GrGsl(flights.free, flights.grid, extract_settings(GrGslSettings, settings), flyable=flights.flyable)
+
+    def learn_stop(self, stop: Stop) -> None:
+        """Take in what was measured at a stop; a sensor that still shows what it met before tells nothing."""
+        if stop.wind is not None:
+            self.winds.add(stop.position_m, stop.wind_world_m_s())
+        self.method.visit(stop.position_m)
+        if stop.is_hit is not None:
+            downwind_rad = stop.downwind_rad(self.settings.wind_threshold_m_s)
+            self.method.update(stop.position_m, is_hit=stop.is_hit, downwind_rad=downwind_rad)
+
+    def next_goal(self, observation: Observation) -> tuple[int, ...] | None:
+        """Return the cell whose measurement tells most, or the likeliest one, by the setting `motion`.
+
+        Before the first gas it is the least explored one.
+        """
+        if self.method.last_hit_m is None:
+            return self.method.least_explored(observation.position_world_m)
+        if self.settings.motion == "informed":
+            return self.method.most_informative(self.winds.wind_m_s())
+        return self.method.most_likely(observation.position_world_m)
+
+
 class KernelMapAgent(MapAgent):
     """Maps the gas on its way over the room, then goes to where there is much of it; declares a peak that stays.
 
@@ -150,7 +210,10 @@ class KernelMapAgent(MapAgent):
     motion, lane_m, step_m, hold_s, curiosity, travel_per_m, gas_threshold_ppm, peak_confidence, declare_radius_m,
     declare_legs; with wind also stretch_s.
 
-    A method that stretches readings along the wind says so by `has_wind`.
+    Where `has_wind` is true, readings are stretched along the wind.
+
+    Source:
+        Lilienthal, Reggente and others, Kernel DM+V; agents/kernel_dmv/README.md has the rules.
     """
 
     has_wind: ClassVar[bool] = False
@@ -225,3 +288,9 @@ class KernelMapAgent(MapAgent):
             travel_per_m=self.settings.travel_per_m,
         )
         self.flights.go_to(self.flights.grid.centre_m(cell or self.flights.grid.nearest_cell(here_m)))
+
+
+class WindKernelMapAgent(KernelMapAgent):
+    """A search by kernel maps whose readings count along the wind: Kernel DM+V/W."""
+
+    has_wind = True

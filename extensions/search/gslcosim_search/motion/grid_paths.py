@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.cell_kernels import is_step_free, keep_bends
-from gslcosim.contract.messages import KnownMap
 from gslcosim_search.beliefs import CellGrid
 
 # Steps along one, two and three axes in whole numbers, so that equal paths are equal: 408 to the edge of a cell.
@@ -373,42 +372,6 @@ def visible_cells(free: Free, cell: Sequence[int], reach_cells: float = 1e6) -> 
 def inflate_obstacles(free: Free, grid: CellGrid, clearance_m: float) -> Free:
     """Return the free cells all of whose points keep a distance from every blocked cell of the grid."""
     return mark_clear_cells(_in_3d(free), clearance_m / grid.cell_m).reshape(free.shape)
-
-
-def find_free_cells(known_map: KnownMap, grid: CellGrid, *, height_m: float | None = None) -> Free:
-    """Return the cells of a grid in the plane that no obstacle of a map reaches into; outside of the map none is free.
-
-    A wall thinner than a cell stays a wall: gas and ways do not slip through. Gaps narrower than two cells may close.
-    Of a map in space the layer at `height_m` counts, without a height the middle one.
-    """
-    occupied = known_map.occupied.to_array()
-    if occupied.ndim == 3:
-        n = occupied.shape[2]
-        layer = n // 2 if height_m is None else math.floor((height_m - known_map.origin_m[2]) / known_map.cell_m)
-        occupied = occupied[:, :, min(max(layer, 0), n - 1)]
-    blocked_before = np.zeros((occupied.shape[0] + 1, occupied.shape[1] + 1), np.int64)
-    blocked_before[1:, 1:] = (occupied != 0).cumsum(axis=0).cumsum(axis=1)
-    bands = [_overlapped(grid, axis, known_map, occupied.shape[axis]) for axis in (0, 1)]
-    (x_low, x_high, x_inside), (y_low, y_high, y_inside) = bands
-    n_blocked = (
-        blocked_before[np.ix_(x_high, y_high)]
-        - blocked_before[np.ix_(x_low, y_high)]
-        - blocked_before[np.ix_(x_high, y_low)]
-        + blocked_before[np.ix_(x_low, y_low)]
-    )
-    return (n_blocked == 0) & x_inside[:, None] & y_inside[None, :]
-
-
-# First and last cell but one of the map that each cell reaches into along an axis, and whether its centre is inside.
-def _overlapped(
-    grid: CellGrid, axis: int, known_map: KnownMap, n: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Free]:
-    low = (grid.axis_m(axis) - 0.5 * grid.cell_m - known_map.origin_m[axis]) / known_map.cell_m
-    high = low + grid.cell_m / known_map.cell_m
-    middle = 0.5 * (low + high)
-    first = np.clip(np.floor(low + 1e-6), 0, n).astype(np.int64)
-    last = np.clip(np.ceil(high - 1e-6), 0, n).astype(np.int64)
-    return first, np.maximum(last, first), (middle >= 0) & (middle < n)
 
 
 def _origin_m(grid: CellGrid) -> NDArray[np.float64]:

@@ -12,13 +12,10 @@ import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gslcosim.agent_kit.commands import waypoint
-from gslcosim.contract.messages import Bounds, Briefing, Command, KnownMap, Observation
+from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
+from gslcosim_search.occupancy import OccupancyMap
 from gslcosim_search.random_stream import RandomStream
 
 Point = tuple[float, ...]
@@ -35,68 +32,16 @@ def to_millimetre(length_m: float) -> float:
     return math.floor(length_m * 1000.0 + 0.5) / 1000.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Obstacles:
-    """Solid cells: shape (nx, ny) or (nx, ny, nz), the lower corner and the edge of the cells [m]."""
-
-    origin_m: Point
-    cell_m: float
-    solid: NDArray[np.bool_]
-
-    def is_solid(self, point_m: Sequence[float]) -> bool:
-        """Return True if a point is in a solid cell; outside the cells nothing is known to be solid."""
-        index = tuple(math.floor((x - low) / self.cell_m) for x, low in zip(point_m, self.origin_m))
-        return all(0 <= i < n for i, n in zip(index, self.solid.shape)) and bool(self.solid[index])
-
-    def is_free_line(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
-        """Return True if a straight line meets no solid cell.
-
-        The line is cut where it crosses the planes between cells; the middle of each piece tells its cell. Cells that
-        the line touches in an edge only do not count. A line that begins in a solid cell, where the vehicle is already
-        (a map may be coarser than the vehicle's own sight), may leave it.
-        """
-        cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
-        middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
-        hits = [self.is_solid([s + t * (e - s) for s, e in zip(start_m, end_m)]) for t in middles]
-        n_leaving = next((i for i, is_hit in enumerate(hits) if not is_hit), 0)
-        return not any(hits[n_leaving:])
-
-    # Fractions of the way at which the line passes from a cell to the next.
-    def _crossings(self, start_m: Sequence[float], end_m: Sequence[float]) -> Iterator[float]:
-        for start, end, low in zip(start_m, end_m, self.origin_m):
-            a, b = sorted(((start - low) / self.cell_m, (end - low) / self.cell_m))
-            for plane in range(math.ceil(a), math.floor(b) + 1):
-                t = (low + plane * self.cell_m - start) / (end - start) if end != start else 0.0
-                if 0.0 < t < 1.0:
-                    yield t
-
-
-def build_obstacles(known_map: KnownMap, *, height_m: float | None = None, clearance_m: float = 0.0) -> Obstacles:
-    """Return the solid cells of a map, inflated by a clearance.
-
-    Args:
-        height_m: Cut a map with three axes at this height [m].
-        clearance_m: Cells whose centres are no farther from a solid cell's centre than this are solid too [m].
-    """
-    solid = known_map.occupied.to_array() != 0
-    origin_m: Point = known_map.origin_m
-    if solid.ndim == 3 and height_m is not None:
-        level = math.floor((height_m - origin_m[2]) / known_map.cell_m)
-        solid = solid[:, :, max(0, min(solid.shape[2] - 1, level))]
-    grown = _grown(solid, clearance_m / known_map.cell_m)
-    return Obstacles(origin_m=origin_m[: solid.ndim], cell_m=known_map.cell_m, solid=grown)
-
-
 @dataclass(frozen=True, kw_only=True)
 class LegSpace:
     """Space in which legs may end: from `min_m` to `max_m`, and outside the obstacles, if any are known."""
 
     min_m: Point
     max_m: Point
-    obstacles: Obstacles | None = None
+    obstacles: OccupancyMap | None = None
 
     @classmethod
-    def within(cls, bounds: Bounds, margin_m: float, *, obstacles: Obstacles | None = None) -> "LegSpace":
+    def within(cls, bounds: Bounds, margin_m: float, *, obstacles: OccupancyMap | None = None) -> "LegSpace":
         """Return the room that keeps a margin to the bounds; where there is less than two margins, its middle."""
         middles = [(low + high) / 2.0 for low, high in zip(bounds.min_m, bounds.max_m)]
         return cls(
@@ -112,7 +57,7 @@ class LegSpace:
         A planar method sees a map with three axes at its search height.
         """
         known_map, height_m = briefing.known_map, briefing.search_height_m if is_planar else None
-        obstacles = None if known_map is None else build_obstacles(known_map, height_m=height_m)
+        obstacles = None if known_map is None else OccupancyMap.of(known_map, height_m=height_m)
         return cls.within(briefing.bounds, margin_m, obstacles=obstacles)
 
     def contains(self, point_m: Sequence[float]) -> bool:
@@ -141,7 +86,7 @@ class LegSpace:
 
     # In steps: the longest that is free, and one step less where something ended it.
     def _free_length_m(
-        self, start_m: Sequence[float], direction: tuple[float, float], length_m: float, obstacles: Obstacles
+        self, start_m: Sequence[float], direction: tuple[float, float], length_m: float, obstacles: OccupancyMap
     ) -> float:
         for i in range(math.ceil(length_m / _BACK_OFF_M)):
             shorter_m = length_m - _BACK_OFF_M * i
@@ -264,19 +209,6 @@ def _is_same(end_m: Point, refused_m: Sequence[float] | None) -> bool:
     return refused_m is not None and math.dist(end_m, refused_m[: len(end_m)]) < _SAME_END_M
 
 
-# Every cell whose centre is within so many cells of a solid one.
-def _grown(solid: NDArray[np.bool_], radius_cells: float) -> NDArray[np.bool_]:
-    reach = math.floor(radius_cells)
-    if reach < 1:
-        return solid
-    padded = np.pad(solid, reach)
-    grown = np.zeros_like(solid)
-    for offset in np.ndindex((2 * reach + 1,) * solid.ndim):
-        if math.dist(offset, (reach,) * solid.ndim) <= radius_cells:
-            grown |= padded[tuple(slice(i, i + n) for i, n in zip(offset, solid.shape))]
-    return grown
-
-
 # To the left and the right of the way that is blocked, ever farther [rad]: 45 and 90 degrees.
 _EIGHTH_TURN_RAD = 0.7853981633974483
 # A cut leg shorter than this is not worth to be flown.
@@ -297,12 +229,7 @@ class LegPlanner:
 
     def __init__(self, briefing: Briefing, draws: RandomStream, *, margin_m: float) -> None:
         """Begin without a leg; a map is used where the briefing grants one."""
-        obstacles = (
-            None
-            if briefing.known_map is None
-            else build_obstacles(briefing.known_map, height_m=briefing.search_height_m)
-        )
-        self.room = LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
+        self.room = LegSpace.of(briefing, margin_m)
         self.height_m = briefing.search_height_m
         self._draws = draws
         self._hold_s = briefing.hold_s

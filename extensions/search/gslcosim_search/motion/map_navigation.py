@@ -19,13 +19,13 @@ from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.grid_paths import (
     Free,
-    find_free_cells,
     inflate_obstacles,
     nearest_free,
     point_along,
     shortest_path,
 )
 from gslcosim_search.motion.legs import LegPlanner, LegSpace
+from gslcosim_search.occupancy import OccupancyMap
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import find_noses, find_vane
@@ -255,4 +255,4 @@ def largest_connected_part(free: Free) -> Free:
 def _free_cells(known_map: KnownMap | None, grid: CellGrid, height_m: float) -> Free:
     if known_map is None:
         return np.ones(grid.shape, np.bool_)
-    return find_free_cells(known_map, grid, height_m=height_m)
+    return OccupancyMap.of(known_map, height_m=height_m).free_throughout(grid)

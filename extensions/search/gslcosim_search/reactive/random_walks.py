@@ -1,4 +1,4 @@
-"""Random walks that are blind, or nearly so: run and tumble, and Levy walks.
+"""Random walks that are blind, or nearly so: run and tumble, Levy walks, and the agents that do nothing else.
 
 Held by:
     extensions/search/tests/analytic/test_blind_walks.py
@@ -7,7 +7,11 @@ Held by:
 
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.legs import N_TRIES, LegSpace, Point, leg_end
 from gslcosim_search.random_stream import RandomStream
 
@@ -120,3 +124,64 @@ class LevyWalk:
             if math.dist(start_m[:2], end_m) >= self._least_m / 2.0:
                 return end_m
         return self._room.nearest(start_m[:2])
+
+
+class PersistentWalk(Agent):
+    """Keeps the direction of its last leg with a chance, and remembers nothing else.
+
+    Its settings: wall_margin_m, step_m, hold_s, leg_s, persistence.
+    """
+
+    program: ClassVar[str]
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = load_settings(briefing, self.program)
+        self.draws = RandomStream(briefing.seed)
+        self.persistence = settings.persistence
+        self.walk = RunAndTumble(LegSpace.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg; one that was refused is not flown on."""
+        keeps = self.draws.fraction() < self.persistence and observation.notice is None
+        return self.pacer.leg(observation, self.walk.next_end_m(observation.position_world_m, keeps=keeps))
+
+
+class RandomWalker(Agent):
+    """Draws a new direction for each leg and remembers nothing.
+
+    Its settings: wall_margin_m, step_m, hold_s, leg_s.
+    """
+
+    program: ClassVar[str]
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = load_settings(briefing, self.program)
+        room = LegSpace.of(briefing, settings.wall_margin_m)
+        self.walk = RunAndTumble(room, RandomStream(briefing.seed), leg_m=settings.step_m)
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg."""
+        return self.pacer.leg(observation, self.walk.next_end_m(observation.position_world_m, keeps=False))
+
+
+class LevyWalker(Agent):
+    """Draws a direction and a length for each leg and remembers nothing.
+
+    Its settings: wall_margin_m, exponent, least_step_m, hold_s.
+    """
+
+    program: ClassVar[str]
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = load_settings(briefing, self.program)
+        room = LegSpace.of(briefing, settings.wall_margin_m)
+        self.walk = LevyWalk(
+            room, RandomStream(briefing.seed), exponent=settings.exponent, least_m=settings.least_step_m
+        )
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg."""
+        return self.pacer.leg(observation, self.walk.next_end_m(observation.position_world_m))

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 from gslcosim.agent_kit import Briefing, Command, Observation
-from gslcosim.agent_kit.settings import extract_settings
 from gslcosim.base.quantities import Vec3
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
 from gslcosim_search.motion.legs import LegPlanner, StuckDetector
-from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.search_agent import SearchAgent, extract_settings
 from gslcosim_search.senses.instruments import find_noses
 from gslcosim_search.senses.stop_and_measure import Contact, PlumeContactDetector
 

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.learned.policy_files import with_learned_parameters
 from gslcosim_search.motion.declaration import Estimate, SwarmRule
 from gslcosim_search.motion.legs import LegPlanner, LegSpace
 from gslcosim_search.random_stream import RandomStream
@@ -327,3 +329,10 @@ class Particle(SwarmRobot):
         return repelled_velocity(
             self.step_m, self.place_m, self.others_m(), within_m=self.settings.repel_m, leg_m=self.settings.leg_m
         )
+
+
+class LearnedParticle(Particle):
+    """A particle with the learned parameters of the file beside its card."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        super().__init__(briefing, with_learned_parameters(load_settings(briefing, self.program), self.program))

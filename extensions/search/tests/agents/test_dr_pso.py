@@ -4,9 +4,12 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_agents.dr_pso.agent import DrPso
-from gslcosim_agents.s_pso.agent import SPso
 from gslcosim_search.swarms.rounds import parse
+
+SPso = load_python_agent(bundled_agents()["s_pso"])
 
 STARTS = [(2.0, 13.0), (13.0, 13.0), (13.0, 2.0)]
 MEMBERS = ("first", "searcher", "third")

@@ -187,11 +187,6 @@ def test_it_keeps_to_the_room_and_answers_every_question(name):
 
 
 @every_method
-def test_the_same_seed_gives_the_same_commands(name):
-    assert fly(name, seed=5) == fly(name, seed=5)
-
-
-@every_method
 def test_two_of_a_kind_in_one_process_do_not_disturb_each_other(name):
     """What one remembers is not in the module: a flight in between changes nothing."""
     alone = fly(name, seed=5)

@@ -3,19 +3,22 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim_agents.gr_gsl.agent import GrGslAgent
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_search.beliefs import mass_within
+
+GrGslAgent = load_python_agent(bundled_agents()["gr_gsl"])
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 START_M = (7.0, 5.0, 2.0)
 
 
-def searcher(*, seed: int = 1, walls=(), **parameters) -> GrGslAgent:
+def searcher(*, seed: int = 1, walls=(), **parameters):
     known = open_map(walls=walls)
     return GrGslAgent(briefing(sensors=SENSORS, seed=seed, known_map=known, parameters=parameters))
 
 
-def flown(agent: GrGslAgent, n: int, *, ppm_at=lambda _: 0.0, wind=(0.4, math.pi), refused=()):
+def flown(agent, n: int, *, ppm_at=lambda _: 0.0, wind=(0.4, math.pi), refused=()):
     """Commands of a vehicle that goes where it is sent and holds there for 2 s, but for the refused questions."""
     position_m, tick, commands, notice = START_M, 40, [], None
     for i in range(n):

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim_agents.kernel_dmv.agent import KernelDmv
-from gslcosim_agents.kernel_dmvw.agent import KernelDmvw
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
+
+KernelDmv = load_python_agent(bundled_agents()["kernel_dmv"])
+KernelDmvw = load_python_agent(bundled_agents()["kernel_dmvw"])
+
 
 SIZE_M = (6.0, 5.0, 4.0)
 START_M = (3.0, 2.5, 2.0)
@@ -104,11 +108,6 @@ def test_who_goes_where_it_is_worth_it_visits_much_gas_after_what_is_unknown(met
         if c.position_world_m
     ]
     assert min(math.dist(PEAK_M, place_m) for place_m in places_m) < 1.5
-
-
-@BOTH
-def test_equal_readings_give_equal_commands(method):
-    assert flown(mapper(method), 20) == flown(mapper(method), 20)
 
 
 def test_a_mox_reading_belongs_to_where_the_vehicle_was_and_a_pid_reading_to_where_it_is():

@@ -2,7 +2,11 @@ import math
 
 from briefings import briefing, observation
 
-from gslcosim_agents.levy_walk.agent import LevyWalker
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
+
+LevyWalker = load_python_agent(bundled_agents()["levy_walk"])
+
 
 HERE_M = (7.0, 5.0, 2.0)
 

@@ -1,7 +1,7 @@
 from briefings import briefing, observation, open_map
 
 from gslcosim_agents.oracle.agent import Oracle
-from gslcosim_search.motion.legs import build_obstacles
+from gslcosim_search.occupancy import OccupancyMap
 
 NEAR_M, FAR_M, START_M = (5.0, 2.0, 1.0), (12.0, 9.0, 3.0), (3.0, 3.0, 2.0)
 
@@ -34,7 +34,7 @@ def test_with_a_map_it_goes_around_what_is_in_the_way():
     known = open_map(walls=[(7.0, 0.0, 7.5, 7.0)])
     agent, here_m = oracle((11.0, 2.0, 2.0), known_map=known), START_M
     for place_m in bends_of_m(agent.decide(observation(position_m=START_M))):
-        assert build_obstacles(known, clearance_m=0.25).is_free_line(here_m[:2], place_m[:2])
+        assert OccupancyMap.of(known, clearance_m=0.25).is_free_line(here_m[:2], place_m[:2])
         here_m = place_m
     assert here_m == (11.0, 2.0, 2.0)
 

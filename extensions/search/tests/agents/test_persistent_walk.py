@@ -4,7 +4,11 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation
 
-from gslcosim_agents.persistent_walk.agent import PersistentWalk
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
+
+PersistentWalk = load_python_agent(bundled_agents()["persistent_walk"])
+
 
 HERE_M = (7.0, 5.0, 2.0)
 

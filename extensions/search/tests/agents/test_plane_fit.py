@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from team_flight import TeamFlight, plume
 
-from gslcosim.agent_kit import Command
 from gslcosim_agents.plane_fit.agent import PlaneFit
 
 SOURCE = (3.0, 5.0)
@@ -74,13 +73,3 @@ def test_a_refused_leg_is_not_repeated_as_it_was():
                 n_refused += 1
                 assert following != leg
     assert n_refused > 0
-
-
-def commands(seed) -> list[Command]:
-    flight = TeamFlight(PlaneFit, STARTS, gas=plume(SOURCE), seed=seed, loss_frac=0.1)
-    flight.fly(25.0)
-    return flight.vehicles["ada"].commands
-
-
-def test_the_same_seed_and_the_same_losses_give_the_same_commands():
-    assert commands(3) == commands(3)

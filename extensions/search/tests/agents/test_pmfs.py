@@ -3,19 +3,28 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.base.errors import MethodError
-from gslcosim_agents.pmfs.agent import PmfsAgent
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_search.beliefs import mass_within
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 START_M = (7.0, 5.0, 2.0)
 
 
-def searcher(*, seed: int = 1, walls=(), sensors=SENSORS, **parameters) -> PmfsAgent:
-    return PmfsAgent(briefing(sensors=sensors, seed=seed, known_map=open_map(walls=walls), parameters=parameters))
+# Both forms, with what keeps the simulations of the published one short.
+QUICK = {"pmfs": {}, "pmfs_published": {"warm_up_steps": 100, "recorded_steps": 50, "refine_frac": 0.02}}
+ALWAYS_SCORED = {"pmfs": {}, "pmfs_published": {"stops_per_update": 1, "explore_first": 0}}
+both_forms = pytest.mark.parametrize("name", QUICK)
 
 
-def stop_at(agent: PmfsAgent, tick: int, position_m, *, ppm: float, notice=None, nose="nose", wind=(0.4, math.pi)):
+def searcher(name="pmfs", *, walls=(), sensors=SENSORS, **parameters):
+    agent_type = load_python_agent(bundled_agents()[name])
+    return agent_type(
+        briefing(sensors=sensors, known_map=open_map(walls=walls), parameters={**QUICK[name], **parameters})
+    )
+
+
+def stop_at(agent, tick: int, position_m, *, ppm: float, notice=None, nose="nose", wind=(0.4, math.pi)):
     """Hold at a place for 2 s and be asked."""
     for step in range(20):
         seen = observation(
@@ -41,8 +50,27 @@ def test_gas_raises_the_hit_map_where_it_was_met_and_clean_air_lowers_it():
     assert hits[5, 5] == pytest.approx(agent.settings.prior, abs=1e-3)
 
 
-def test_gas_downwind_and_clean_air_around_move_the_belief_upwind_of_the_gas():
-    agent = searcher(temper=1.0)
+def test_sources_are_scored_every_few_stops_only():
+    agent = searcher("pmfs_published", stops_per_update=2, explore_first=2)
+    beliefs = []
+    for i in range(4):
+        stop_at(agent, 40 + 20 * i, (7.0 + 0.5 * i, 5.0, 2.0), ppm=5.0)
+        beliefs.append(agent.method.p.copy())
+    is_even = [belief[belief > 0].max() == pytest.approx(belief[belief > 0].min()) for belief in beliefs]
+    assert is_even == [True, False, False, False]
+    assert (beliefs[1] == beliefs[2]).all()
+    assert (beliefs[2] != beliefs[3]).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("pmfs", {"temper": 1.0}),
+        ("pmfs_published", {"stops_per_update": 8, "warm_up_steps": 300, "recorded_steps": 150}),
+    ],
+)
+def test_gas_downwind_and_clean_air_around_move_the_belief_upwind_of_the_gas(name, parameters):
+    agent = searcher(name, **parameters)
     tick = 40
     for x_m, y_m, ppm in ((9, 5, 5), (7, 5, 5), (5, 5, 5), (2, 5, 0), (7, 7, 0), (7, 3, 0), (4, 7, 0), (4, 3, 0)):
         stop_at(agent, tick, (float(x_m), float(y_m), 2.0), ppm=float(ppm))
@@ -58,17 +86,13 @@ def test_a_place_where_the_sensor_was_not_ready_shows_nothing():
     assert (agent.method.confidence == 0.0).all()
 
 
-def test_a_refused_goal_is_given_up():
-    agent = searcher()
+@both_forms
+def test_a_refused_goal_is_given_up(name):
+    agent = searcher(name)
     first = stop_at(agent, 40, START_M, ppm=0.0)
     second = stop_at(agent, 60, START_M, ppm=0.0, notice="expected a free place")
     third = stop_at(agent, 80, START_M, ppm=0.0, notice="expected a free place")
     assert len({command.position_world_m for command in (first, second, third)}) == 3
-
-
-def test_goals_of_equal_seeds_are_equal():
-    first, second = (stop_at(searcher(seed=4), 40, START_M, ppm=1.0) for _ in range(2))
-    assert first == second
 
 
 def test_what_it_publishes_is_its_belief_at_search_height():
@@ -78,18 +102,15 @@ def test_what_it_publishes_is_its_belief_at_search_height():
     assert belief.probability.to_array().sum() == pytest.approx(1.0, abs=1e-3)
 
 
-def test_solid_cells_hold_no_source():
-    agent = searcher(walls=[(3.0, 3.0, 5.0, 5.0)])
+@both_forms
+def test_solid_cells_hold_no_source(name):
+    agent = searcher(name, walls=[(3.0, 3.0, 5.0, 5.0)], **ALWAYS_SCORED[name])
     stop_at(agent, 40, START_M, ppm=5.0)
     assert agent.method.p[agent.flights.grid.nearest_cell((4.0, 4.0))] == 0.0
 
 
-def test_it_declares_once_when_the_belief_is_narrow_and_searches_on():
-    agent = searcher(declare_variance_m2=100.0, explore_first=0)
+@both_forms
+def test_it_declares_once_when_the_belief_is_narrow_and_searches_on(name):
+    agent = searcher(name, declare_variance_m2=100.0, explore_first=0)
     commands = [stop_at(agent, 40 + 20 * i, START_M, ppm=0.0) for i in range(2)]
     assert [command.kind for command in commands] == ["declare_source", "waypoint"]
-
-
-def test_without_a_map_it_says_what_to_do():
-    with pytest.raises(MethodError, match="map: true"):
-        PmfsAgent(briefing(sensors=SENSORS))

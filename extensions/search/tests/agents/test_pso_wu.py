@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from briefings import briefing, observation
 
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_agents.pso_wu.agent import PsoWu
-from gslcosim_agents.s_pso.agent import SPso
+
+SPso = load_python_agent(bundled_agents()["s_pso"])
 
 MEMBERS = ("first", "searcher")
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))

@@ -4,8 +4,11 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim_agents.random_walker.agent import RandomWalker
-from gslcosim_search.motion.legs import build_obstacles
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
+from gslcosim_search.occupancy import OccupancyMap
+
+RandomWalker = load_python_agent(bundled_agents()["random_walker"])
 
 HERE_M = (7.0, 5.0, 2.0)
 
@@ -32,7 +35,7 @@ def test_it_needs_no_sensors_and_equal_seeds_give_equal_walks():
 
 def test_a_known_wall_is_not_flown_through():
     known = open_map(walls=[(7.5, 0.0, 8.0, 10.0)])
-    solid, here_m = build_obstacles(known), HERE_M
+    solid, here_m = OccupancyMap.of(known), HERE_M
     for place_m in places_m(RandomWalker(briefing(known_map=known))):
         assert solid.is_free_line(here_m[:2], place_m[:2])
         here_m = place_m

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from toy_swarm import ToySwarm, hill
 
-from gslcosim_agents.s_pso.agent import SPso
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
+
+SPso = load_python_agent(bundled_agents()["s_pso"])
+
 
 CORNERS = [(2.0, 13.0), (13.0, 13.0), (13.0, 2.0), (12.0, 8.0), (2.0, 9.0)]
 TOP_M = (5.0, 4.0)

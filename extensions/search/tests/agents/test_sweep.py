@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation, open_map
 
 from gslcosim_agents.sweep.agent import Sweep
-from gslcosim_search.motion.legs import build_obstacles
+from gslcosim_search.occupancy import OccupancyMap
 
 START_M = (3.0, 3.0, 2.0)
 
@@ -81,5 +81,5 @@ def test_each_height_is_swept():
 def test_known_solids_are_left_out():
     known = open_map(walls=[(0.0, 0.0, 2.0, 2.0)])
     command = Sweep(briefing(known_map=known)).decide(observation(position_m=START_M))
-    assert not any(build_obstacles(known).is_solid(place_m) for place_m in bends_m(command))
+    assert not any(OccupancyMap.of(known).is_solid(place_m) for place_m in bends_m(command))
     assert len(bends_m(command)) == 11

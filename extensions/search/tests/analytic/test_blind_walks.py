@@ -13,14 +13,17 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.agent_kit import Agent
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.contract.messages import Bounds
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.e_coli_3d.agent import EColi3d
-from gslcosim_agents.persistent_walk.agent import PersistentWalk
-from gslcosim_agents.random_walker.agent import RandomWalker
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.reactive.random_walks import RunAndTumble
+
+PersistentWalk = load_python_agent(bundled_agents()["persistent_walk"])
+RandomWalker = load_python_agent(bundled_agents()["random_walker"])
 
 SIZE_M = (15.0, 15.0, 8.0)
 MARGIN_M, FIRST_S, LEG_S, LIMIT_S, RADIUS_M = 0.3, 7.0, 3.0, 300.0, 1.0

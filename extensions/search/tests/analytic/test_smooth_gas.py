@@ -6,10 +6,13 @@ from dataclasses import dataclass
 import pytest
 from ribbon_world import fly
 
+from gslcosim.base.bundled import bundled_agents
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_agents.braitenberg.agent import Braitenberg
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.gradient.agent import Gradient
-from gslcosim_agents.persistent_walk.agent import PersistentWalk
+
+PersistentWalk = load_python_agent(bundled_agents()["persistent_walk"])
 
 TWO_NOSES_M = ((0.0, 0.2, 0.0), (0.0, -0.2, 0.0))
 ONE_NOSE_M = ((0.0, 0.0, 0.0),)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from built_messages import build_observation
 
-from gslcosim.contract.messages import Bounds, KnownMap
-from gslcosim.contract.record import NumericArray
+from gslcosim.contract.messages import Bounds
 from gslcosim_search.beliefs import (
     BeliefPublisher,
     CellGrid,
@@ -49,16 +48,6 @@ def test_a_grid_covers_its_box_and_grows_its_cells_to_stay_below_a_number():
     assert CellGrid.covering(bounds, 0.5).shape == (7, 4)
     assert CellGrid.covering(bounds, 0.5, 3).shape == (7, 4, 2)
     assert CellGrid.covering(bounds, 0.1, max_cells=20).n_cells <= 20
-
-
-def test_free_cells_are_those_whose_centres_are_free_in_the_map():
-    occupied = np.zeros((4, 4), np.uint8)
-    occupied[:2] = 1
-    known = KnownMap(origin_m=(1.0, 2.0, 1.0), cell_m=0.5, occupied=NumericArray.from_array(occupied), height_m=1.0)
-    free = GRID.free_cells(known)
-    assert free[2:4].all()
-    assert not free[:2].any()
-    assert not free[4:].any()  # beyond the map
 
 
 def test_weights_of_any_size_are_normalised():

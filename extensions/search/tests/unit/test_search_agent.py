@@ -1,5 +1,6 @@
 """The order in which every search agent decides: a leg under way, then belief, declaration, and the next leg."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from gslcosim.agent_kit import Command, RadioMessage
 from gslcosim.agent_kit.commands import waypoint
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.declaration import Estimate
-from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.search_agent import SearchAgent, extract_settings
 
 
 class Searcher(SearchAgent):
@@ -73,3 +74,16 @@ def test_what_is_found_is_declared_once_at_the_search_height():
 def test_a_method_that_declares_nothing_goes_on():
     agent = Searcher(declares=False)
     assert {agent.decide(observation(tick=10 * i)).kind for i in range(1, 6)} == {"waypoint"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Two settings, one with a default."""
+
+    margin_m: float
+    step_m: float = 0.5
+
+
+def test_a_part_of_settings_takes_its_own_and_keeps_defaults_of_the_rest():
+    assert extract_settings(Part, SimpleNamespace(margin_m=2.0, other=1)) == Part(margin_m=2.0)
+    assert extract_settings(Part, SimpleNamespace(margin_m=2.0, step_m=3.0)) == Part(margin_m=2.0, step_m=3.0)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.bundled import bundled_agents, bundled_suites
+from gslcosim.base.bundled import AGENT_FILE, CARD_FILE, PROGRAM_ENDINGS, bundled_agents, bundled_suites
 from gslcosim.base.errors import SimulationFault, UsageError
 from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.ticks import NS_PER_S
@@ -173,8 +173,8 @@ def find_agent_entries(
 
 def _find_agents(word: str) -> list[LogAgent]:
     path, bundled = Path(word), bundled_agents()
-    if path.suffix == ".py" and path.is_file():
-        stem = path.resolve().parent.name if path.stem == "agent" else path.stem
+    if word.endswith(PROGRAM_ENDINGS) and path.is_file():
+        stem = path.resolve().parent.name if path.name in (AGENT_FILE, CARD_FILE) else path.stem
         name = re.sub(r"[^a-z0-9]+", "_", stem.lower()).strip("_")[:40]
         if not re.match(r"[a-z]", name):
             name = f"agent_{name}"[:40].rstrip("_")

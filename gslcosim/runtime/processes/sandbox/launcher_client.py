@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.bundled import CARD_FILE
 from gslcosim.base.files import build_temporary_directory_error
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots, get_kernels_folder_name
 from gslcosim.base.spawn import open_memory_file
-from gslcosim.methods.card import CARD_FILE
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import (
     build_bubblewrap_arguments,

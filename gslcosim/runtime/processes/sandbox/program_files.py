@@ -8,8 +8,9 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from gslcosim.base.bundled import CARD_FILE
 from gslcosim.base.errors import UsageError
-from gslcosim.methods.card import CARD_FILE, find_card_beside
+from gslcosim.methods.card import find_card_beside
 
 # A folder with more entries, and one with more places of code, is refused.
 MAX_ENTRIES = 50_000

@@ -13,7 +13,7 @@ from gslcosim.cli.main import main
     [
         ("scenarios", "warehouse_empty"), ("agents", "dung_beetle"), ("sensors", "anemometer"), ("vehicles", "iris"),
         ("gas_models", "farrell"), ("wind_solvers", "uniform"),
-        ("gases", "ethanol"), ("layouts", "warehouse_empty"),
+        ("gases", "ethanol"), ("agents", "infotaxis"), ("layouts", "warehouse_empty"),
     ],
 )  # fmt: skip
 def test_each_kind_is_listed_with_what_describes_it(capsys, kind, name):

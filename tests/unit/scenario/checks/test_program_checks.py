@@ -99,6 +99,7 @@ def test_a_script_with_its_interpreter_is_accepted(agent_files, tmp_path, scenar
 def test_bundled_scenarios_and_agents_are_found_by_name():
     assert {"warehouse_empty", "tiny_room"} <= set(bundled_scenarios())
     assert bundled_agents()["dung_beetle"].name == "agent.py"
+    assert bundled_agents()["infotaxis"].name == "method.yaml"
     assert {name: find_bundled_agent(name) for name in bundled_agents()} == bundled_agents()
 
 

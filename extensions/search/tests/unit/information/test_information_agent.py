@@ -13,6 +13,8 @@ from gslcosim_search.beliefs import CellGrid, best_ball, entropy_bits, mass_with
 from gslcosim_search.information import objectives as information_kernels
 from gslcosim_search.information.information_agent import (
     InformationAgent,
+    Infotaxis,
+    Infotaxis3d,
     arrival_radius_m,
     assumed_dispersal,
     direction_spread_rad,
@@ -30,15 +32,7 @@ SETTINGS = {
 }  # fmt: skip
 
 
-class Searcher(InformationAgent):
-    objective = "infotaxis"
-
-
-class SearcherInSpace(Searcher):
-    dimensions = 3
-
-
-def searcher(kind=Searcher, *, briefed=None, **changes) -> InformationAgent:
+def searcher(kind=Infotaxis, *, briefed=None, **changes) -> InformationAgent:
     return kind(briefed or briefing(sensors=PID), SimpleNamespace(**{**SETTINGS, **changes}))
 
 
@@ -168,7 +162,7 @@ def test_with_a_map_neither_belief_nor_steps_enter_walls():
 
 
 def test_in_space_it_also_goes_up_and_down():
-    search = searcher(SearcherInSpace, cell_m=1.0)
+    search = searcher(Infotaxis3d, cell_m=1.0)
     heights = {end[2] for end in search.neighbours((7.0, 5.0, 2.0))}
     assert heights == {1.0, 2.0, 3.0}
     assert search.p.shape == (15, 10, 8)

@@ -5,11 +5,14 @@ import pytest
 from briefings import briefing, observation
 from policies import gru, table
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
-from gslcosim_agents.learned.agent import Learned
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_search.learned.policy import ActionSettings
 from gslcosim_search.learned.policy_files import save_policy
 from gslcosim_search.learned.recurrent_networks import GruPolicy
+
+Learned = load_python_agent(bundled_agents()["learned"])
 
 
 def flown(agent, n=5):

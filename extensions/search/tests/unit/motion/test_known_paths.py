@@ -4,8 +4,8 @@ from briefings import briefing, open_map
 
 from gslcosim.contract.messages import KnownMap
 from gslcosim.contract.record import NumericArray
-from gslcosim_search.motion.legs import build_obstacles
 from gslcosim_search.motion.map_navigation import KnownPaths
+from gslcosim_search.occupancy import OccupancyMap
 
 START_M, GOAL_M = (3.0, 2.0, 2.0), (12.0, 2.0, 1.0)
 WALL = (7.0, 0.0, 7.5, 6.0)
@@ -27,7 +27,7 @@ def test_with_a_plan_the_way_goes_around_at_one_height_and_comes_down_at_its_end
     assert path_m[-1] == GOAL_M
     assert {z_m for _, _, z_m in path_m[:-1]} == {2.0}
     assert max(y_m for _, y_m, _ in path_m) > 6.25
-    solid, here_m = build_obstacles(known), START_M
+    solid, here_m = OccupancyMap.of(known), START_M
     for bend_m in path_m:
         assert solid.is_free_line(here_m[:2], bend_m[:2])
         here_m = bend_m

@@ -8,8 +8,6 @@ from gslcosim.contract.messages import Bounds, KnownMap
 from gslcosim.contract.record import NumericArray
 from gslcosim_search.motion.legs import (
     LegSpace,
-    Obstacles,
-    build_obstacles,
     find_free_heading,
     leg_end,
     next_leg,
@@ -17,6 +15,7 @@ from gslcosim_search.motion.legs import (
     shorten_leg,
     to_millimetre,
 )
+from gslcosim_search.occupancy import OccupancyMap
 from gslcosim_search.random_stream import RandomStream
 
 BOUNDS = Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 10.0, 8.0))
@@ -29,7 +28,7 @@ def walled(*, clearance_m=0.0) -> LegSpace:
     occupied[8, :8] = 1
     known = KnownMap(origin_m=(0.0, 0.0, 1.0), cell_m=0.25, occupied=NumericArray.from_array(occupied), height_m=1.0)
     bounds = Bounds(min_m=(0.0, 0.0, 0.0), max_m=(4.0, 3.0, 2.0))
-    return LegSpace.within(bounds, 0.1, obstacles=build_obstacles(known, clearance_m=clearance_m))
+    return LegSpace.within(bounds, 0.1, obstacles=OccupancyMap.of(known, clearance_m=clearance_m))
 
 
 def test_a_leg_ends_where_the_heading_leads_in_whole_millimetres():
@@ -92,7 +91,7 @@ def test_a_line_may_leave_a_solid_cell_but_not_meet_another():
 def test_lines_agree_with_a_dense_sampling():
     """Whatever is seen at 4000 points of a line is met by it, in three dimensions and from outside too."""
     rng = np.random.default_rng(1)
-    obstacles = Obstacles(origin_m=(0.3, -0.2, 0.1), cell_m=0.3, solid=rng.random((7, 5, 6)) < 0.08)
+    obstacles = OccupancyMap(origin_m=(0.3, -0.2, 0.1), cell_m=0.3, solid=rng.random((7, 5, 6)) < 0.08)
     said = set()
     for _ in range(200):
         start_m, end_m = rng.uniform(-0.5, 2.5, (2, 3))
@@ -112,10 +111,10 @@ def test_a_map_in_space_is_cut_at_the_height_of_the_search():
     occupied = np.zeros((4, 4, 3), np.uint8)
     occupied[2, 2, 1] = 1
     known = KnownMap(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, occupied=NumericArray.from_array(occupied))
-    assert build_obstacles(known, height_m=1.5).is_solid((2.5, 2.5))
-    assert not build_obstacles(known, height_m=0.5).is_solid((2.5, 2.5))
-    assert not build_obstacles(known, height_m=99.0).is_solid((2.5, 2.5))
-    assert build_obstacles(known).is_solid((2.5, 2.5, 1.5))
+    assert OccupancyMap.of(known, height_m=1.5).is_solid((2.5, 2.5))
+    assert not OccupancyMap.of(known, height_m=0.5).is_solid((2.5, 2.5))
+    assert not OccupancyMap.of(known, height_m=99.0).is_solid((2.5, 2.5))
+    assert OccupancyMap.of(known).is_solid((2.5, 2.5, 1.5))
 
 
 def test_a_clearance_grows_what_is_solid_by_so_much_and_no_more():
