@@ -319,7 +319,7 @@ def answer_observations(
     )
     actions: dict[str, Callable[[bytes], None]] = {}
     endings = {keys.ending(name) for name in names}
-    # An agent that does not override `observe` has no use for observations that ask nothing.
+    # An agent that does not override `observe` has no use for observations that await no command.
     is_asked_only = getattr(agent_type, "observe", None) is Agent.observe
     key_of_observation = keys.question if is_asked_only else keys.observation
     for name in names:

@@ -37,7 +37,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class RefusedFrame:
-    """A frame that is not taken, and why; after a fatal one nothing more can be read from the stream."""
+    """A rejected frame and the reason; after a fatal one nothing more can be read from the stream."""
 
     text: str
     is_fatal: bool = False
@@ -82,7 +82,7 @@ class MsgpackSplitter:
         return items
 
     def rest(self) -> str:
-        """Return what is wrong with a stream that ends here; empty when it ends between two frames."""
+        """Return the fault of a stream that ends here; empty when it ends between two frames."""
         if not self._buffer and not self._to_skip:
             return ""
         return f"expected whole frames, the stream ended within one, after {len(self._buffer)} bytes of it."
@@ -113,7 +113,7 @@ class JsonSplitter:
         return items
 
     def rest(self) -> str:
-        """Return what is wrong with a stream that ends here; empty when it ends after a line feed."""
+        """Return the fault of a stream that ends here; empty when it ends after a line feed."""
         if not self._is_skipping and (not self._buffer or self._buffer.isspace()):
             return ""
         n_bytes = self._n_skipped if self._is_skipping else len(self._buffer)
@@ -165,7 +165,7 @@ def decode_fields(frame_format: FrameFormat, frame: bytes) -> dict[str, Any]:
 
 
 def decode_payload(frame_format: FrameFormat, frame: bytes, message_type: type[Message] = Command) -> bytes:
-    """Return what an agent or participant sent as msgpack, for others to judge.
+    """Return the message of an agent or participant as msgpack, to be checked by the caller.
 
     A msgpack frame is passed on as it is; an object of JSON becomes the same map in msgpack.
     """

@@ -75,7 +75,7 @@ class Dataflow:
 
 
 def find_port_problems(participants: Sequence[ParticipantSpec]) -> Iterable[str]:
-    """Yield what is wrong with the ports of participants: no writer or several, or an impossible delay."""
+    """Yield the problems of participants' ports: no writer or several, or an impossible delay."""
     written: dict[str, str] = {}
     for participant in participants:
         for write in participant.writes:

@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints
 
 from gslcosim.contract.participant import get_agent_participant
 
-# They come from other hosts, whose numbers and names are checked.
+# These values come from other hosts, so numbers and names are checked.
 MAX_TICK = 1 << 53
 Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
 ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
@@ -57,7 +57,7 @@ class ParticipantStatus:
 
     @property
     def waits_for(self) -> tuple[str, ...]:
-        """The ports and the readers without which it cannot go on, each once."""
+        """The ports and the readers that it waits for, each once."""
         return tuple(dict.fromkeys([*(missing.port for missing in self.missing), *self.lacking_credit]))
 
 
@@ -85,7 +85,7 @@ def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
     by_name = {participant.name: participant for participant in participants}
     # Messages of agents come from their sessions; no service has the name of a session.
     by_name |= {get_agent_participant(name): participant for name, participant in by_name.items()}
-    # An agent that waits for nothing in particular has answered all that it was asked.
+    # An agent that waits for no message has answered all requests.
     open_ones = [each for each in participants if each.state not in ("done", "waiting") or each.waits_for]
     if not open_ones:
         return None
@@ -107,7 +107,7 @@ def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
 
 
 def _describe_wait(participant: ParticipantStatus) -> str:
-    """Return in a sentence what a participant does or waits for: the tick, the port, its writer, what came last."""
+    """Return a sentence on the work or wait of a participant: the tick, the port, its writer, the last message."""
     name, tick = participant.name, participant.tick + 1
     for_s = "" if participant.occupied_s is None else f" for {participant.occupied_s:.1f} s"
     if participant.state == "silent":

@@ -91,7 +91,7 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
 
 @dataclass(frozen=True, kw_only=True)
 class JoinResult:
-    """Result of joining: which services, up to which tick, and whether the run came to its end."""
+    """Result of joining: the services, their last tick, and whether the run came to its end."""
 
     run_id: str
     services: tuple[str, ...]
@@ -148,7 +148,7 @@ def join_as_services(
 
 
 def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -> None:
-    """Refuse to take part where the run does not want it, or its digest would not be what it is on one host."""
+    """Refuse to take part if the run does not admit it, or if its digest would differ from that on one host."""
     for name in names:
         if name not in offer.expected:
             raise UsageError(
@@ -181,7 +181,7 @@ def build_joined_setup(
     say: ProgressHandler,
     is_trusted: bool,
 ) -> RunSetup:
-    """Return what the services of this host are built from: the folder of the run and its rooms, which are fetched.
+    """Return the setup of this host's services: the folder of the run and its rooms, which are fetched.
 
     Nothing is written but in the folder of runs and in the cache, whatever the run's host offers.
     """
@@ -222,13 +222,13 @@ def build_joined_setup(
     )
 
 
-# Several services may join one after another; what another run has left is not written over.
+# Several services may join one after another; files of another run are not overwritten.
 def _check_is_new(run_dir: RunDir, offer: RunOffer) -> None:
     path = run_dir.path
     if not os.path.lexists(path):
         return
     is_folder = path.is_dir() and not path.is_symlink()
-    # Half made by another `gslcosim join`, it holds no scenario yet.
+    # A folder that another `gslcosim join` is still filling holds no scenario yet.
     is_half = is_folder and all(entry.name == "logs" or entry.name.startswith(".") for entry in path.iterdir())
     if not is_half and not (is_folder and _is_run_dir(path, offer)):
         raise UsageError(
@@ -237,7 +237,7 @@ def _check_is_new(run_dir: RunDir, offer: RunOffer) -> None:
         )
 
 
-# Where hosts share a disk, as containers do: the same run at the same place.
+# Hosts with a shared disk, such as containers, have the same run at the same path.
 def _is_run_dir(path: Path, offer: RunOffer) -> bool:
     try:
         run_dir = RunDir(path)

@@ -103,7 +103,7 @@ OFFER_KEY = "rpc/run/offer"
 CHUNK_KEY = "rpc/run/piece"
 CHUNK_BYTES = 1 << 18
 
-# No file of a room is larger than this [bytes]; the header is text.
+# Upper bounds for the files of a room, and for its header, which is text [bytes].
 MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
 MAX_SCENARIO_CHARACTERS = 1 << 24
 _MAX_ENVIRONMENTS = 10_000
@@ -121,7 +121,7 @@ def _check_sizes(files: dict[str, int]) -> dict[str, int]:
     return files
 
 
-# A part of a path of this host: it cannot lead out of the folder that it is put into, and is no hidden file.
+# Becomes part of a path on this host: it cannot lead out of its folder, and is no hidden file.
 RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")]
 ContentHash = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16,128}$")]
 FolderPath = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_check_folder)]
@@ -195,7 +195,7 @@ class RunServer:
         bus.answer(CHUNK_KEY, self._piece)
 
     def wait_until_gone(self, limit_s: float) -> None:
-        """Return when all services that are elsewhere have left, or after a limit [s]."""
+        """Wait until all services on other hosts have left, or until a limit [s]."""
         with self._changed:
             self._changed.wait_for(lambda: self._present.isdisjoint(self._expected), limit_s)
 

@@ -48,7 +48,7 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 T = TypeVar("T")
 
 LOCK_FILE = Path(__file__).resolve().parents[2] / "requirements.lock"
-# A new environment has its own versions of these.
+# Every new environment has its own versions of these packages.
 _INSTALLERS = ("pip", "setuptools", "wheel")
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;]+)", re.MULTILINE)
 _INSTALLED = re.compile(r"^([A-Za-z0-9._]+)-([^-]+)\.dist-info$")
@@ -116,7 +116,7 @@ class _Note(TypedDict, total=False):
 
 
 class MachineLog:
-    """Writes notes as they come, a line of JSON each; where that fails a run goes on without them.
+    """Writer of notes as they come, a line of JSON each; if that fails, a run goes on without them.
 
     Args:
         folder: The run's; absent: nothing is written.
@@ -155,7 +155,7 @@ class MachineLog:
 
 
 def note_sandboxes(folder: Path, sandboxes: Mapping[str, str]) -> None:
-    """Note in the folder of a run what the process of each agent and participant is confined by."""
+    """Note in the folder of a run the sandbox of each agent's and participant's process."""
     log = MachineLog(folder)
     log.write({"sandboxes": dict(sandboxes)})
     log.close()
@@ -171,7 +171,7 @@ class MachineNotes:
 
 
 def read_machine_notes(folder: Path) -> MachineNotes:
-    """Return what was noted in the folder of a run: nothing where nothing was, or where the file is elsewhere."""
+    """Return the notes in the folder of a run: none if there are none, or if the file is elsewhere."""
     try:
         lines = read_regular_file(folder / NAME, max_bytes=_MAX_BYTES).splitlines()
     except OSError:
@@ -180,7 +180,7 @@ def read_machine_notes(folder: Path) -> MachineNotes:
     faults: list[tuple[int, str, str]] = []
     sandboxes: dict[str, str] = {}
     for line in lines:
-        # Of a file that was cut off, or that an agent has written into, only what is one of our lines counts.
+        # In a file that was cut off, or changed by an agent, only lines in the format of notes count.
         with contextlib.suppress(MalformedFileError):
             note = parse_json(line, _Note, place=NAME)
             tick = note.get("tick", 0)
@@ -211,14 +211,14 @@ PathText = Annotated[str, msgspec.Meta(pattern="^[^\\x00]+$", max_length=4000)]
 
 
 class ForkOrigin(TypedDict):
-    """The run that a run was forked of, and the tick at which it was."""
+    """The run from which a run was forked, and the tick of the fork."""
 
     run: str
     tick: int
 
 
 class SoftwareLock(TypedDict):
-    """Hash of the lock file, and the installed packages of other versions than it names."""
+    """Hash of the lock file, and the installed packages whose versions differ from it."""
 
     sha256: str
     differing: list[str]
@@ -295,7 +295,7 @@ class RunDir:
                 try:
                     path.mkdir(parents=True)
                 except FileExistsError:
-                    # Unless it is the folder of all runs that stands in the way.
+                    # Unless the folder of all runs is the obstacle.
                     if not os.path.lexists(path):
                         raise
                     continue
@@ -422,7 +422,7 @@ class RunDir:
         with contextlib.suppress(OSError):
             (self.path / RESERVE_FILE).unlink()
         self.replace("result.json", _dump_json(result))
-        # A folder without them is read all the same.
+        # A folder without checksums can be read too.
         with contextlib.suppress(OSError):
             write_checksums(self.path, *(name for name in _CHECKED_FILES if (self.path / name).is_file()))
 
@@ -500,7 +500,7 @@ def _read_git_revision() -> str | None:
 
 
 def read_cpu_flags() -> str:
-    """Return what the processor can do, as the kernel reports it."""
+    """Return the features of the processor, as reported by the kernel."""
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return platform.processor()

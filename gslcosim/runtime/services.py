@@ -104,7 +104,7 @@ DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 @cache
 def default_services() -> tuple[ServiceKind, ...]:
-    """Return the services that a run has where it needs them, from upstream to downstream, from their entry points."""
+    """Return the services that a run has if it needs them, from upstream to downstream, from their entry points."""
     found: list[ServiceKind] = []
     for point in list_registered(DEFAULT_SERVICES_GROUP):
         kind: object = point.load()
@@ -151,7 +151,7 @@ def list_services(scenario: Scenario) -> tuple[ServiceKind, ...]:
     return (*defaults, *others.values(), *own_models)
 
 
-# A program of the user's own, or what an extension starts, behind a core that speaks with it.
+# The user's own program, or one that an extension starts, behind a core that exchanges messages with it.
 def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
     def build(setup: RunSetup) -> Core:
         # its imports are of this module
@@ -174,7 +174,7 @@ def find_service(name: str, scenario: Scenario) -> ServiceKind:
 
 
 def get_upstream_rank(participant: str) -> tuple[int, int]:
-    """Return what sorts participants from upstream to downstream: causes before consequences within a tick.
+    """Return the key that sorts participants from upstream to downstream: causes before effects within a tick.
 
     Args:
         participant: The name of a service or of an agent's session; an unknown one sorts last.
@@ -263,7 +263,7 @@ def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Probl
 
 
 def find_participant_problems(scenario: Scenario) -> Iterable[Problem]:
-    """Return what is wrong with the models of the user's own in a scenario, beside their own blocks."""
+    """Return the problems of the user's own models in a scenario, besides those in their own blocks."""
     if not scenario.participants:
         return ()
     return find_declaration_problems(scenario, [kind.name for kind in default_services()], _build_specs(scenario))

@@ -26,7 +26,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
 
 STATUS_PERIOD_S = 0.1
-# Participants that have not joined by then are named in a log, too: one that is stopped may still come.
+# Participants that have not joined by then are named in a log, too; a stopped one may still join.
 LATE_AFTER_S = 4.0
 
 
@@ -76,14 +76,14 @@ class StatusReporter:
         self._reported_at_s, self._reported_state = 0.0, ""
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
-        """Report the participants that have not joined yet, and after a while for how long."""
+        """Report the participants that have not joined yet, and after a while the duration of the wait."""
         text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
         if is_late:
             text = f"{text}, not here after {waited_s:.0f} s"
         self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Report how far the run has come, and notes besides."""
+        """Report the progress of the run, and notes."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
         self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
@@ -96,7 +96,7 @@ class StatusReporter:
 
 
 SOCKET_SUFFIX = ".flight"
-# A run that stands still for so long gets an explanation.
+# A run without progress for this long gets an explanation.
 STALL_SHOWN_AFTER_S = 3.0
 _SEND_TIMEOUT_S = 1.0
 _BACKLOG = 16
@@ -143,7 +143,7 @@ class StatusServer:
         listener, self._listener = self._listener, None
         if listener is None:
             return
-        # Wakes the thread, which close alone does not.
+        # Wakes the thread; `close` alone would not.
         with contextlib.suppress(OSError):
             listener.shutdown(socket.SHUT_RDWR)
         listener.close()
@@ -269,7 +269,7 @@ class _RunFacts(TypedDict):
     stall: NotRequired[str]
 
 
-# Facts of a run whose process stands still.
+# Facts of a run whose process does not answer.
 _UNKNOWN_FACTS: dict[str, Any] = {
     **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
     **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
@@ -331,7 +331,7 @@ def query_status(window: Path) -> ActiveRun | None:
             facts = _UNKNOWN_FACTS | {"state": "refused", "text": str(error)}
         except TimeoutError:
             facts = _UNKNOWN_FACTS
-        # Elsewhere than on Linux it is the one in the window's name.
+        # On systems other than Linux it is the one in the window's name.
         pid = read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])
         return ActiveRun(window, pid, facts, time.monotonic())
     return None

@@ -95,7 +95,7 @@ class Gate:
         return True
 
     def wrote(self, port: str, message: Message) -> None:
-        """Take note of an output of the participant itself, which may announce something it reads."""
+        """Take note of an output of the participant itself, which may announce a message that it reads."""
         self._note(port, message)
 
     def grant(self, reader: str, tick: int) -> None:
@@ -152,7 +152,7 @@ class Gate:
         return tick, inbox
 
     def memory(self) -> dict[str, Any]:
-        """Return the state that no later message holds: announcements, and ports that are closed."""
+        """Return the state that is in no later message: announcements, and closed ports."""
         announced = {
             port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
             for port, ticks in self._announced.items()
@@ -179,7 +179,7 @@ class Gate:
 
     @property
     def n_queued_ticks(self) -> int:
-        """The ticks of the fullest input that wait here."""
+        """Number of ticks that wait in the fullest input."""
         return max((len(held) for held in self._held.values()), default=0)
 
     def last_tick(self, port: str) -> int:
@@ -243,11 +243,11 @@ class Stepper:
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
-        # No other participant's step depends on one that writes nothing.
+        # A participant that writes nothing holds up no step of another.
         self.is_kept = self.is_kept and bool(self.spec.writes)
         self.gate = Gate(self.dataflow, self.spec.name)
         self.trails = {write.port: HashChain() for write in self.spec.writes}
-        # Its ports, where it writes all of them at every tick.
+        # The ports of a participant that writes all of them at every tick.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
         self._state_adapter = build_state_adapter(self.core) if self.is_kept else None
@@ -262,7 +262,7 @@ class Stepper:
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
         self._check(outbox, expected, 0, "reset")
         if self._state_adapter is not None:
-            # State that cannot be kept is reported now, not at the first snapshot.
+            # A state that cannot be kept is reported now, not at the first snapshot.
             self._state_of(self._state_adapter)
         return [self._send(port, message) for port, message in outbox.items()]
 

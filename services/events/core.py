@@ -55,7 +55,7 @@ class EventsCore:
     def _add(self, i_event: int, due_tick: int) -> None:
         self._due.setdefault(due_tick, []).append(i_event)
 
-    # A condition that does not repeat holds for ever once it has held.
+    # A condition without repetition holds forever once it has held.
     def _begins_to_hold(self, i_event: int, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
         has_held = i_event in self._held
         if has_held and not trigger.repeats:

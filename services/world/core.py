@@ -77,7 +77,7 @@ class StartState:
 
 
 class SimulatedVehicle:
-    """One vehicle of a run, from its agent's commands to the state that is reported of it.
+    """One vehicle of a run, from its agent's commands to its reported state.
 
     State: its guide; its path so far; its position at the end of the last tick, world frame [m]; its contacts in
     this tick; and its last support. `name` is the agent's.
@@ -140,7 +140,7 @@ class SimulatedVehicle:
         self._touched.add(thing)
 
     def stand(self) -> None:
-        """Take note that what is touched now carries it."""
+        """Take note that the things touched now carry it."""
         self._supports = frozenset(self._touched)
 
     def obey(self, tick: int, command: Command | None) -> None:
@@ -375,7 +375,7 @@ class WorldCore:
         return {keys.BODIES: _new_poses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._vehicles))}
 
     def warm_up(self) -> None:
-        """Run everything that is used only under way, in place of vehicles: legs, planning and separation."""
+        """Run all code that is used only during motion, on behalf of vehicles: legs, planning and separation."""
         warm_up_leg_planning()
         if self._routes:
             warm_up_planner()
@@ -424,7 +424,7 @@ class WorldCore:
             vehicle.avoid_neighbours(tick - 1, neighbours)
 
     def _fly(self, tick: int) -> None:
-        # As old as the gas: time 0 of the wind is when the sources open.
+        # The wind is as old as the gas: its time 0 is the opening of the sources.
         frame = self._wind.at(self._warm_up_s + seconds_from_ticks(tick - 1, self._tick_ns))
         i_substep, noted = 0, b""
         while i_substep < self._n_substeps:
@@ -523,7 +523,7 @@ def _build_constants(
     return constants
 
 
-# Distance that each pair keeps between its centres, (n, n): the greater wish of the two, and enough not to touch.
+# Distance between the centres of each pair, (n, n): the greater requirement of the two, and enough not to touch.
 def _min_distances_m(agents: Sequence[AgentSpec], radii_m: Sequence[float]) -> NDArray[np.float64]:
     wishes_m = np.array([agent.vehicle.separation_m for agent in agents])
     return np.maximum(np.maximum.outer(wishes_m, wishes_m), np.add.outer(radii_m, radii_m) + CLEARANCE_M)

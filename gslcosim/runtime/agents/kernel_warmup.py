@@ -41,7 +41,7 @@ def compile_agent_kernels(
         notify(name)
         with contextlib.suppress(OSError, subprocess.SubprocessError):
             mark.parent.mkdir(parents=True, exist_ok=True)
-            # Of several workers of a benchmark one compiles, and the others wait for it.
+            # One of several workers of a benchmark compiles, and the others wait for it.
             with hold_lock(mark.with_suffix(".lock")):
                 if not mark.exists():
                     command = [*build_parent_death_prefix(), *build_python_command("-m", __name__, name)]
@@ -65,7 +65,7 @@ def _list_sandboxed_agents(scenario: Scenario, directory: Path, *, is_one_proces
     return [name for name in dict.fromkeys(names) if name in bundled]
 
 
-# Made again where numba compiles for something else; another processor makes it compile in the agent's own process.
+# A new path where numba compiles anew; after a change of processor, the agent's own process compiles instead.
 def _get_marker_path(name: str) -> Path | None:
     if NUMBA_VARIABLE not in os.environ:
         return None
@@ -76,7 +76,7 @@ def _get_marker_path(name: str) -> Path | None:
 
 
 def run_agent_for_warmup(name: str) -> None:
-    """Run a bundled agent in a small room of ours in this process, where it has kernels at all."""
+    """Run a bundled agent in the small room of a bundled scenario, in this process, if the agent has kernels."""
     from gslcosim.runtime.agents.loader import load_python_agent
 
     program = bundled_agents()[name]

@@ -21,7 +21,7 @@ class RecordedCommands:
 
 
 def get_recorded_command(commands: Mapping[int, Command], agent: str, tick: int) -> Command:
-    """Return what an agent's command of the past was at a tick."""
+    """Return an agent's command of the past at a tick."""
     if tick not in commands:
         raise RunFolderError(
             f"inputs.log: expected a command of {agent} for tick {tick}, at which it was asked again, found none. "
@@ -36,7 +36,7 @@ BELIEF_PERIOD_S = 1
 MAX_EARLY_ANSWERS = 16
 MAX_EARLY_TICKS = 64
 MAX_FAULTS = 50
-# How a process ended differs from run to run; the fault names it, the run's digest must not depend on it.
+# The way a process ends differs from run to run; it is part of the fault, but the run's digest must not depend on it.
 AGENT_LOST_REASON = "the agent is gone"
 FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
 
@@ -46,7 +46,7 @@ UnpackedAnswer = dict[str, object] | ContractError
 
 
 def unpack_answer(payload: bytes) -> UnpackedAnswer:
-    """Return what is in an agent's bytes, which may be at most `MAX_COMMAND_BYTES`."""
+    """Return the decoded content of an agent's bytes, at most `MAX_COMMAND_BYTES` of them."""
     try:
         return codec.unpack_untrusted("Command", payload)
     except ContractError as error:
@@ -133,7 +133,7 @@ class CommandValidator:
         self.latest_tick = tick
         return True
 
-    # By the tick alone, so that an answer is in its place before it is judged.
+    # Ordered by the tick alone, so that an answer is in its place before it is checked.
     def _place(self, payload: bytes) -> list[Command]:
         said = unpack_answer(payload)
         tick = None if isinstance(said, ContractError) else said.get("tick")
@@ -161,7 +161,7 @@ class CommandValidator:
         if command.kind == "failed":
             return self._refuse(FAILED_KIND_FAULT)
         del self._pending[command.tick]
-        # Equal answers must leave the same trail, with or without the contract that they state.
+        # Equal answers must leave the same trail, whether or not they state their contract.
         return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
 
     # The contract is checked first, because another contract may well be the cause of all other errors.

@@ -91,7 +91,7 @@ _PREFIX = "participant_"
 class ParticipantProgram:
     """One start of a participant's program.
 
-    Each of its errors becomes a `SimulationFault` with the expected behaviour and the end of its log.
+    Each error of the program becomes a `SimulationFault` that states the expected behaviour and the end of its log.
 
     Args:
         arguments: Words that follow its command.

@@ -35,10 +35,10 @@ def build_gateway_variables(listener: Listener) -> dict[str, str]:
 
 
 class ProcessOptions(TypedDict, total=False):
-    """Options of a process that is started: what is absent is as in this process, or not there.
+    """Options of a process to start: absent ones are as in this process, or without effect.
 
-    `cwd` is the folder it starts in, `join` how it joins the bus, `variables` what is added to its environment,
-    `confinement` how it is kept if it is a program of other people, `keep` are descriptors that it inherits besides.
+    `cwd` is the working directory, `join` holds the data for joining the bus, `variables` are added to the environment,
+    `confinement` restricts a third-party program, `keep` are further descriptors that the process inherits.
     """
 
     cwd: Path | None
@@ -121,7 +121,7 @@ class ChildProcesses:
             cwd=cwd,
             streams=streams,
             inherited=inherited,
-            # The launcher itself ends with this process, and then its descendants with it.
+            # The launcher ends with this process, and its descendants end with the launcher.
             ends_with_parent=launch is None,
         )
         self.adopt(name, process, launch)
@@ -134,7 +134,7 @@ class ChildProcesses:
 
     @property
     def pids(self) -> dict[str, int]:
-        """The numbers of the processes that have not ended, 0 where one has not begun."""
+        """The numbers of the processes that have not ended, 0 for one that has not begun."""
         # A copy at once: processes are added while another thread asks.
         return {name: process.pid for name, process in list(self._children.items()) if process.poll() is None}
 

@@ -16,7 +16,7 @@ MIN_PAUSE_S = 1.0
 class PauseDetector:
     """Detector of pauses of this process, from calls that come many times a second.
 
-    A message awaited during a pause is not late: holders of deadlines move them by the length of the pause. The
+    Anything awaited during a pause is not late: holders of deadlines move them by the length of the pause. The
     detector reads no clock: times [s] of a monotonic clock are passed in. That clock does not run while a machine is
     suspended.
     """

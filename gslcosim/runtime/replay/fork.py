@@ -113,7 +113,7 @@ def run_fork(
     fork_server: ForkServer | None = None,
     report: Callable[[RunStatus], None] = lambda _: None,
 ) -> ForkResult:
-    """Run a fork and compare its past with that of the run, to the bit.
+    """Run a fork and compare its past bit by bit with that of the original run.
 
     Args:
         processes: Distribution of the run over processes; absent: that of the scenario.

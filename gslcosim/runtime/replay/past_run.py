@@ -23,7 +23,7 @@ from gslcosim.scenario import Scenario
 
 # The key in a manifest for the log from which a run was made.
 IMPORTED_FROM = "imported_from"
-# Commands of weeks: a few hundred bytes each.
+# Room for the commands of weeks, at a few hundred bytes each.
 _MAX_INPUTS_BYTES = 2_000_000_000
 
 
@@ -77,7 +77,7 @@ class PastRun:
         )
 
     def check_flown_here(self) -> None:
-        """Refuse a run that was made of a log from elsewhere."""
+        """Refuse a run that was made from a log from elsewhere."""
         if self.is_imported:
             raise UsageError(
                 f"{self.run_dir.run_id}: expected a run of gslcosim, was a flight from elsewhere that was imported: "
@@ -85,7 +85,7 @@ class PastRun:
             )
 
     def check_inputs(self) -> None:
-        """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one."""
+        """Compare `inputs.log` with the chains of commands in `digest.json`, if there is one."""
         self.check_flown_here()
         for agent in self.scenario.agents if self.digest else ():
             trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), HashChain())
@@ -102,7 +102,7 @@ class PastRun:
 
 
 def find_snapshot_before(past: PastRun, tick: int) -> tuple[Snapshot | None, str]:
-    """Return the last snapshot of a run at or before a tick, or why one that is there cannot be used, as a sentence."""
+    """Return the last snapshot of a run at or before a tick, or a sentence on why an existing one cannot be used."""
     names = [spec.name for spec in build_dataflow(past.scenario).participants if spec.writes]
     services = [name for name in list_service_names(past.scenario) if name in names]
     return find_nearest_snapshot(past.run_dir, past.scenario, services, until_tick=tick)
@@ -132,12 +132,12 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
 
 
 def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path:
-    """Return the folder of the room in which a run was run, made again where it is gone."""
+    """Return the folder of a run's room, built again if it is missing."""
     folder = Path(past.run_dir.load_setup()["environment"])
     try:
         environment = load_environment(folder)
     except EnvironmentDataError:
-        # It was in the cache, and is made again.
+        # It was in the cache, and is built again.
         folder = prepare_environment(
             past.scenario,
             scenario_dir=past.run_dir.path,

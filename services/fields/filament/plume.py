@@ -161,7 +161,7 @@ def find_open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True, kw_only=True)
 class GasSource:
-    """A source of gas about a place in the air.
+    """A source of gas around a point in the air.
 
     `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` is the index of the
     gas.
@@ -421,7 +421,7 @@ class FilamentPlume:
         if self._n + n_new > self._table.capacity:
             self._table = self._table.grown(max(self._n + n_new, 2 * self._table.capacity), self._n)
 
-    # All of the newborn but their places, which are in the table already.
+    # All columns of the newborn filaments but their places, which are in the table already.
     def _register(self, i_source: int, births_s: list[float]) -> None:
         n_new, table = len(births_s), self._table
         new = slice(self._n, self._n + n_new)
@@ -435,7 +435,7 @@ class FilamentPlume:
         self._n_born[i_source] += n_new
         self._n += n_new
 
-    # A place behind a wall is reached as far as the wall: the way from the source's position leads through air.
+    # A place behind a wall is moved to the wall: the way from the source's position leads through air.
     def _positions_in_shape(self, i_source: int, first_id: int, n: int) -> NDArray[np.float64]:
         places_m = np.tile(self._place_m[i_source], (n, 1))
         offsets_m = self._sources[i_source].shape.offsets_m(

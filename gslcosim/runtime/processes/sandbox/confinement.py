@@ -18,21 +18,21 @@ import sys
 from collections.abc import Iterable
 from typing import NamedTuple
 
-# Those that a shell can name by one digit, above its own.
+# Descriptors that a shell can name by one digit, above its standard ones.
 PIPES_AT = (8, 9)
 
 
 _PR_CAPBSET_DROP, _PR_SET_SECUREBITS = 24, 28
-# Being user 0 gives nothing, changing users neither, and none of that can be taken back.
+# Neither user 0 nor a change of user brings capabilities, and these settings are locked.
 _SECURE_BITS = 0b1110_1111
 _VERSION = 0x20080522
 _MAX_CAPABILITIES = 64
 
 
 def give_up_capabilities() -> None:
-    """Give up all capabilities; a process without any is left without any."""
+    """Give up all capabilities; without effect in a process that has none."""
     library = ctypes.CDLL(None, use_errno=True)
-    # These two calls succeed only with the capability for them, and have an effect only then.
+    # These two calls need capabilities, and matter only in a process that has them.
     library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
     for capability in range(_MAX_CAPABILITIES):
         library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
@@ -47,7 +47,7 @@ _PR_SET_NO_NEW_PRIVS = 38
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 MAKE_SOCKET, TRUNCATE, IOCTL_DEV = 1 << 9, 1 << 14, 1 << 15
 READ = EXECUTE | READ_FILE | READ_DIR
-# Rights that mean something for a file, not only for a folder.
+# Rights that apply to files, not only to folders.
 _FILE_ONLY_RIGHTS = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
 # Rights that each version of Landlock can refuse; the last entry holds for later versions too.
 _FILE_RIGHTS = (0, (1 << 13) - 1, (1 << 14) - 1, (1 << 15) - 1, (1 << 15) - 1, (1 << 16) - 1)
@@ -62,14 +62,14 @@ _ABSTRACT_SOCKETS_AND_SIGNALS = 3
 
 
 def read_landlock_version() -> int:
-    """Return the version of Landlock that this kernel has, 0 where it has none."""
+    """Return the version of Landlock in this kernel, 0 if there is none."""
     if sys.platform != "linux":
         return 0
     return max(0, _syscall(_CREATE_RULESET, None, 0, _VERSION_FLAG))
 
 
 def list_missing_protections(abi: int) -> list[str]:
-    """Return in words what a version of Landlock leaves open that later ones close."""
+    """Return in words the gaps that a version of Landlock leaves and later ones close."""
     return [text for since, text in _CLOSED_SINCE if abi < since]
 
 
@@ -82,7 +82,7 @@ def confine(
     tcp_ports: Iterable[int] = (),
     is_about_files: bool = True,
 ) -> None:
-    """Give up everything but what is named, for this process and all that it will start; what is not there is skipped.
+    """Give up all but the named paths, for this process and its later children; paths that do not exist are skipped.
 
     Args:
         reads: Files and folders to read and execute.
@@ -117,7 +117,7 @@ def confine(
 
 
 def give_up_new_privileges() -> None:
-    """Let no program that this process will start have more rights than itself, as set-user-id programs have."""
+    """Deny later children of this process more rights than its own, as set-user-id programs would have."""
     _check_result(ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0))
 
 
@@ -157,10 +157,10 @@ _NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD, _SIXTH = 0, 4, 16, 24, 32, 56
 _UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
 _STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
 _X32 = 0x40000000
-# Commands of fcntl by which a process is informed of what others do with a file (leases, changes in a folder), or
-# leaves a hint on it that others read (F_SET_RW_HINT, F_SET_FILE_RW_HINT).
+# Commands of fcntl that inform a process of others' use of a file (leases, changes in a folder), or that
+# leave a hint on it that others can read (F_SET_RW_HINT, F_SET_FILE_RW_HINT).
 _FCNTL_COMMANDS = (1024, 1026, 1036, 1038)
-# Commands of ioctl that leave something on a file that is open for reading, its owner's rights alone being asked:
+# Commands of ioctl that leave traces on a file open for reading, with no check but that of ownership:
 # FS_IOC_SETFLAGS, FS_IOC_SETVERSION and EXT4_IOC_SETVERSION, those of 32 bits, FS_IOC_FSSETXATTR,
 # FS_IOC_ENABLE_VERITY, FS_IOC_ADD_ENCRYPTION_KEY; and EXT4_IOC_CLEAR_ES_CACHE, EXT4_IOC_PRECACHE_EXTENTS.
 _IOCTL_COMMANDS = (
@@ -168,7 +168,7 @@ _IOCTL_COMMANDS = (
 )  # fmt: skip
 # MADV_COLD, MADV_PAGEOUT.
 _EVICTING_ADVICE = (20, 21)
-# RWF_NOWAIT, by which a read shows whether it would have to wait for the disk, and RWF_DONTCACHE.
+# RWF_NOWAIT, with which a read reveals whether it would have to wait for the disk, and RWF_DONTCACHE.
 _CACHE_FLAGS = 0x08 | 0x80
 
 
@@ -185,13 +185,13 @@ class _Numbers(NamedTuple):
     always: tuple[int, ...]
     # Advice on which pages of files stay in memory, which all processes share.
     advice: tuple[int, ...]
-    # Questions about which pages of files are there.
+    # Queries of the pages of files that are in memory.
     residency: tuple[int, ...]
     # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
     shared: tuple[int, ...]
-    # Changes of what belongs to others.
+    # Changes to objects of others.
     of_others: tuple[int, ...]
-    # May only be about the caller itself (0).
+    # Calls that may only concern the caller itself (0).
     only_self: tuple[int, ...]
 
 
@@ -257,7 +257,7 @@ def can_filter() -> bool:
 
 
 def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
-    """Refuse what Landlock does not know, for this process and all that it will start; see `build_filter_program`."""
+    """Refuse calls beyond Landlock, for this process and its later children; see `build_filter_program`."""
     if not can_filter():
         return
     code = build_filter_program(

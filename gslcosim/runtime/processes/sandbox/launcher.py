@@ -21,7 +21,7 @@ from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 POLL_PERIOD_S = 0.05
-# Less than the supervisor waits before it kills us and can no longer know what we have adopted.
+# Shorter than the supervisor's wait before it kills the launcher and loses track of the adopted descendants.
 TERM_TIMEOUT_S = 1.0
 EXIT_CODE_NOT_STARTED = 127
 _WATCHED = (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
@@ -44,7 +44,7 @@ def main() -> None:
     child = os.fork()
     if child == 0:
         _exec_command(plan)
-    # The agent alone holds the ends of its streams, so that closing them is seen outside.
+    # Only the agent holds the ends of its streams, so that their closing is noticed outside.
     nothing = os.open(os.devnull, os.O_RDWR)
     os.dup2(nothing, 0)
     os.dup2(nothing, 1)
@@ -59,7 +59,7 @@ def _exec_command(plan: dict[str, Any]) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _WATCHED)
         _apply_limits(plan["limits"])
-        # Out of the way of the pipes, and not for the agent.
+        # Moved away from the descriptors of the pipes, and not passed to the agent.
         plan["status"] = fcntl.fcntl(plan["status"], fcntl.F_DUPFD_CLOEXEC, 20)
         if plan["pipes_apart"]:
             for old, new in enumerate(PIPES_AT):
@@ -75,7 +75,7 @@ def _exec_command(plan: dict[str, Any]) -> None:
                 confinement.give_up_capabilities()
         if (calls := plan["seccomp"]) is not None:
             confinement.filter_calls(**calls)
-        # Both can name libraries: they are those of the agent, once it is confined.
+        # The agent's variables and folder can name libraries: they are set only after the confinement.
         os.chdir(plan["directory"])
         variables = os.environ if plan["environment"] is None else plan["environment"]
         os.execvpe(plan["command"][0], plan["command"], variables)
@@ -88,7 +88,7 @@ def _exec_command(plan: dict[str, Any]) -> None:
 def _apply_limits(limits: dict[str, float | None]) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if (cpu_s := limits["cpu_s"]) is not None:
-        # All of it is counted below; this is for the case that counting comes late.
+        # The total usage is counted below; this limit is for the case that counting comes late.
         whole_s = int(cpu_s) + 2
         _lower_limit(resource.RLIMIT_CPU, whole_s, whole_s + 1)
     if (memory_mb := limits["memory_mb"]) is not None:
@@ -110,7 +110,7 @@ def _report_failure(plan: dict[str, Any], **words: Any) -> None:
 
 
 class _ProcessTreeMonitor:
-    # Looks at all that the agent has started until it has ended, and ends it.
+    # Watches the agent and its descendants until the agent has ended, and ends them all.
 
     def __init__(self, plan: dict[str, Any], child: int, supervisor: int) -> None:
         self._plan = plan
@@ -139,7 +139,7 @@ class _ProcessTreeMonitor:
         self._kill_all()
         _exit_like(self._ended_as if self._ended_as is not None else signal.SIGKILL, self._plan["is_bubblewrap"])
 
-    # Returns whether any of its children is left.
+    # Returns whether any child is left.
     def _reap(self) -> bool:
         while True:
             try:
@@ -215,7 +215,7 @@ def _send_signal(pid: int, number: int) -> None:
 
 
 def _list_descendants(root: int, leave_out: int = 0) -> list[int]:
-    # Those of the first so many generations are left out.
+    # Leaves out the first `leave_out` generations.
     children: dict[int, list[int]] = {}
     for name in os.listdir("/proc"):  # noqa: PTH208 - pathlib would double the launcher's start
         if name.isdigit() and (parent := _read_parent(name)):

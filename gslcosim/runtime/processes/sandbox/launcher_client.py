@@ -26,7 +26,7 @@ from gslcosim.scenario.models.participants import AgentLimitsSpec
 if sys.platform != "win32":
     import fcntl
 
-# The packages around the launcher stay empty: what they import would cost as much as all the rest.
+# The packages around the launcher stay empty: imports there would take as long as all the rest.
 _LAUNCHER_CODE = """
 import sys
 whole = ""
@@ -48,7 +48,7 @@ _LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB",
 
 @dataclass(frozen=True, kw_only=True)
 class Confinement:
-    """Confinement of one process of agents: by which policy, if any, and by which limits.
+    """Confinement of one process of agents: its policy, if any, and its limits.
 
     `unseen` are files beside the program that its sandbox hides.
     """
@@ -91,12 +91,12 @@ class Launch:
         confined: Mapping[str, Any] = {}
         if cell is not None:
             kernels = _find_kernels(cell)
-            # It has links to what is compiled, and not the key by which that is checked.
+            # It has links to the compiled kernels, but not the key that verifies them.
             variables[UNCHECKED_VARIABLE] = "1"
             if is_bubblewrap:
                 calls = _write_call_filter(cell)
                 variables |= build_bubblewrap_variables(cell)
-                # On its command line other users could read them.
+                # Other users could read them on its command line.
                 words = build_bubblewrap_arguments(variables, kernels)
                 arguments = _open_memory_file_above_pipes(b"".join(os.fsencode(word) + b"\0" for word in words))
                 inherited = [*calls, arguments]
@@ -135,7 +135,7 @@ class Launch:
         return tuple(self._theirs)
 
     def hidden_files_hint(self) -> str:
-        """Return which files beside the program its sandbox hides, with the remedy; empty where there are none."""
+        """Return the files beside the program that its sandbox hides, with the remedy; empty if there are none."""
         if not self._unseen:
             return ""
         names = ", ".join(path.name for path in self._unseen[:_MAX_UNSEEN])
@@ -146,7 +146,7 @@ class Launch:
         )
 
     def log_tail(self) -> str:
-        """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
+        """Return the launcher's report on the end, once it has ended; empty if there is none."""
         with os.fdopen(self._status, "rb") as status:
             lines = status.read().splitlines()
         if not lines:
@@ -158,7 +158,7 @@ class Launch:
         return f"could not be started ({words.get('could_not_start')})"
 
 
-# The filter that bubblewrap puts on before the program starts, where there is one for this machine.
+# The filter that bubblewrap installs before the program starts, if there is one for this machine.
 def _write_call_filter(cell: SandboxPolicy) -> list[int]:
     if not confinement.can_filter():
         return []
@@ -169,7 +169,7 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
     return [_open_memory_file_above_pipes(code)]
 
 
-# Away from the numbers that the launcher gives to pipes.
+# Apart from the descriptors that the launcher uses for pipes.
 def _open_memory_file_above_pipes(data: bytes) -> int:
     made = open_memory_file(data)
     apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
@@ -208,8 +208,8 @@ def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]
     }
 
 
-# Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles into a
-# folder of its own, with links to these, which is thrown away.
+# Existing kernels are read in place, and cannot be changed; the agent compiles others into a folder of its own, with
+# links to the existing ones, which is removed afterwards.
 def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
     if cell.kernels is None:
         return {}
@@ -235,6 +235,6 @@ def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Pat
 
 def name_numba_folder(code: Path) -> str:
     """Return the name that numba gives the folder of compiled kernels of the modules of a folder."""
-    # Numba encodes paths as UTF-8, whatever the locale; one that is none has no kernels there.
+    # Numba encodes paths as UTF-8, whatever the locale; a path that cannot be encoded has no kernels there.
     name = str(code).encode(errors="surrogateescape")
     return f"{code.name}_{hashlib.sha1(name, usedforsecurity=False).hexdigest()}"
