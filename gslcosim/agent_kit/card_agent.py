@@ -29,7 +29,10 @@ def load_card_agent(path: Path) -> type[Agent]:
     try:
         found = getattr(import_module(module), name)
     except Exception as error:
-        raise UsageError(f"program: expected an agent that can be imported, got {error!r}.\nFile: {path}") from error
+        raise UsageError(
+            f"program: expected an agent that can be imported, got {error!r}. Install its package, or write the class "
+            f"in agent.py beside the card, without program.\nFile: {path}"
+        ) from error
     if not is_agent_class(found):
         raise UsageError(f"program: expected a class of gslcosim.agent_kit.Agent, was {program}.\nFile: {path}")
     return type(found.__name__, (found,), {"__doc__": found.__doc__, "program": str(path)})

@@ -447,6 +447,19 @@ def test_a_command_that_names_a_file_of_a_run_is_refused(tmp_path):
     assert allowed.exit_code == 1
 
 
+def test_an_agent_that_fails_names_what_its_sandbox_hides(tmp_path):
+    if reason := unavailable_reason("bubblewrap"):
+        pytest.skip(f"bubblewrap cannot be tested here: {reason}")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "agent.py").write_text("open(__file__[:-8] + 'weights.npz')\n")
+    (tmp_path / "mine" / "weights.npz").touch()
+    start_by = {"command": [sys.executable, str(tmp_path / "mine" / "agent.py")], "door": "stdio"}
+    failed = fly_here(TINY_ROOM, tmp_path / "runs", "--set", f"agents[0].start={json.dumps(start_by)}")
+    assert "(its sandbox hides weights.npz beside the program: name what it needs under files" in str(
+        failed.result["faults"]
+    )
+
+
 def test_a_program_where_runs_are_made_is_refused(tmp_path):
     """Runs that begin later would be seen by it."""
     (tmp_path / "agent.py").write_text("raise SystemExit(3)\n")

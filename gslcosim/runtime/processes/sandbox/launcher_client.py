@@ -141,8 +141,8 @@ class Launch:
         names = ", ".join(path.name for path in self._unseen[:_MAX_UNSEEN])
         more = f" and {n} more" if (n := len(self._unseen) - _MAX_UNSEEN) > 0 else ""
         return (
-            f". Beside the program its sandbox hides what is no code ({names}{more}): name what it needs in its card "
-            f"({CARD_FILE}: files), or in may_read"
+            f" (its sandbox hides {names}{more} beside the program: name what it needs under files in {CARD_FILE}, or "
+            "in may_read)"
         )
 
     def log_tail(self) -> str:

@@ -41,7 +41,7 @@ _PROGRAMS, _INCLUDED_SUITES = "agents", "suites"
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramFiles:
-    """Places that a sandbox binds for a program, and the files beside it that stay hidden."""
+    """Places that a sandbox binds for a program, and files beside it, none of a run, that stay hidden."""
 
     reads: tuple[Path, ...]
     unseen: tuple[Path, ...]
@@ -90,7 +90,10 @@ def select_program_files(folder: Path, named: Collection[Path], private: Private
             f"{place}.start: expected at most {MAX_PLACES} files of code beside files that are none, were {len(reads)} "
             f"in {folder}. Move the program into a folder of its own."
         )
-    return ProgramFiles(reads=reads, unseen=tuple(path for path in unseen if not any(map(path.is_relative_to, reads))))
+    files = (
+        path for path in unseen if path.is_file() and not path.name.startswith(".") and not _is_of_run(path, private)
+    )
+    return ProgramFiles(reads=reads, unseen=tuple(path for path in files if not any(map(path.is_relative_to, reads))))
 
 
 def list_run_places(folder: Path, private: PrivatePlaces, *, place: str) -> list[Path]:
