@@ -219,8 +219,8 @@ def report(index: int) -> Callable[[Bench], float]:
     def measure(bench: Bench) -> float:
         folder = Path(bench.runs_dir) / "results"
         if not folder.exists():
-            unit = FOLDER.parent / "unit" / "bench" / "report"
-            subprocess.run([bench.today.python, "-c", RESULTS, folder, unit], check=True)
+            kit = FOLDER.parent / "kit"
+            subprocess.run([bench.today.python, "-c", RESULTS, folder, kit], check=True)
         call = [bench.today.python, "-c", REPORT, folder]
         return json.loads(subprocess.run(call, check=True, capture_output=True, text=True).stdout)[index]
 

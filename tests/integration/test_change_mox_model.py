@@ -12,6 +12,7 @@ import pytest
 from deadlines import BUILD_S
 
 ROOT = Path(__file__).parents[2]
+KIT = ROOT / "tests" / "kit"
 PAGE = (ROOT / "docs" / "extend" / "mox_model.md").read_text()
 CODE = r"\n\n```python\n(.*?)```"
 CHANGE = re.compile(rf"^In `([^`]+)`,{CODE}\n\nbecomes{CODE}", re.MULTILINE | re.DOTALL)
@@ -38,7 +39,7 @@ def run_tests(copy):
     variables = {name: text for name, text in os.environ.items() if not name.startswith("NUMBA")}
     return subprocess.run(
         [sys.executable, "-m", "pytest", *plain, "-k", "mox or tgs2600", *words],
-        env=variables | {"PYTHONPATH": str(copy), "GSLCOSIM_CACHE": str(copy / "cache")},
+        env=variables | {"PYTHONPATH": f"{copy}{os.pathsep}{KIT}", "GSLCOSIM_CACHE": str(copy / "cache")},
         cwd=copy, capture_output=True, text=True, check=False, timeout=BUILD_S,
     )  # fmt: skip
 

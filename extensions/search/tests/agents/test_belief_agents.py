@@ -165,7 +165,7 @@ sys.exit(f"compiled in flight: {{late}}" if late else 0)
 def test_nothing_is_compiled_in_flight(agent_type):
     """In a process of its own: what other tests have compiled would hide it."""
     program = SPY.format(
-        folders=[str(Path(__file__).parent), str(Path(__file__).parents[4] / "tests" / "shared")],
+        folders=[str(Path(__file__).parent), str(Path(__file__).parents[4] / "tests" / "kit")],
         name=Path(agent_type.program).parent.name,
     )
     done = subprocess.run(
