@@ -61,7 +61,7 @@ class ChildProcesses:
         self._on_exit = on_exit
         self._are_foreign = are_foreign
         self._children: dict[str, ChildProcess] = {}
-        self._logs: list[ProcessLog] = []
+        self._logs: dict[str, ProcessLog] = {}
 
     def __enter__(self) -> "ChildProcesses":
         return self
@@ -77,14 +77,14 @@ class ChildProcesses:
         if log is None:
             self._start(name, command, Streams(None, None, None), **options)
             return
-        with self._log(log) as output:
+        with self._log(name, log) as output:
             self._start(name, command, Streams(stdout=output.fileno()), **options)
 
     def start_piped(
         self, name: str, command: Sequence[str], *, log: Path, **options: Unpack[ProcessOptions]
     ) -> tuple[FileIO, FileIO]:
         """Start a process as `start`, but return its standard input and output; only its errors are logged."""
-        with self._log(log) as errors:
+        with self._log(name, log) as errors:
             process = self._start(name, command, Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno()), **options)
         # Without buffers these are raw files.
         return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
@@ -161,16 +161,19 @@ class ChildProcesses:
             signal_group(process.pid, signal.SIGKILL)
         # A stopped fork server reports no ends of its forks; it is ended next, and Linux ends the forks with it.
         self.wait(TERM_TIMEOUT_S)
-        for log in self._logs:
+        for log in self._logs.values():
             log.wait(LOG_TIMEOUT_S)
         self._logs.clear()
 
-    def _log(self, path: Path) -> ProcessLog:
-        self._logs.append(ProcessLog(path))
-        return self._logs[-1]
+    def _log(self, name: str, path: Path) -> ProcessLog:
+        self._logs[name] = ProcessLog(path)
+        return self._logs[name]
 
     def _wait_for(self, name: str, process: ChildProcess, launch: Launch | None) -> None:
         code = process.wait()
         how = (launch.log_tail() if launch is not None else "") or describe_exit(code)
-        hint = launch.hidden_files_hint() if launch is not None and code != 0 else ""
+        hint = launch.hidden_files_hint() if launch is not None and code > 0 else ""
+        # The report of an end quotes the log, to which the last words may still be on their way.
+        if (log := self._logs.get(name)) is not None:
+            log.wait(LOG_TIMEOUT_S)
         self._on_exit(name, code, how + hint)

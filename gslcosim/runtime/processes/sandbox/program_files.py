@@ -27,6 +27,10 @@ _CODE_KINDS = frozenset((
     ".wasm", ".toml", ".cfg", ".mod", ".sum", ".lock", ".cmake",
 ))  # fmt: skip
 _CODE_NAMES = frozenset(("package.json", "tsconfig.json", "CMakeLists.txt", "Makefile", CARD_FILE))
+# Beside the program all files are its own: it is a bundle, which is packed, hashed and moved as one.
+_BUNDLE_FILE = "submission.yaml"
+# Products of builds, which a program that has been built does not read.
+_BUILD_KINDS = frozenset(("", ".d", ".rlib", ".rmeta"))
 _CODE_BEGINS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
 _NAMES_OF_RUNS = frozenset(("scenario.yaml", "suite.yaml", "result.json", "inputs.log"))
 # Files that stand together in the folder of a run, of results of a suite, and of an environment.
@@ -78,8 +82,11 @@ def select_program_files(folder: Path, named: Collection[Path], private: Private
     given = [_find_card_file(folder, name, private, place) for name in (card.files if card is not None else ())]
     code: list[Path] = []
     unseen: list[Path] = []
+    is_bundle = (folder / _BUNDLE_FILE).is_file()
     for path, is_whole in _iterate_entries(folder, place):
-        is_code = not private.contains(path) and (is_whole or _is_code(path, folder))
+        is_packed = is_bundle and path.is_file() and not path.is_symlink() and not path.name.startswith(".")
+        is_own = is_packed and not _is_of_run(path, private)
+        is_code = is_own or (not private.contains(path) and (is_whole or _is_code(path, folder)))
         (code if is_code else unseen).append(path)
     # A subfolder with nothing but code is bound as one.
     mixed = {folder, *folder.parents, *(each for path in unseen for each in path.parents)}
@@ -90,9 +97,8 @@ def select_program_files(folder: Path, named: Collection[Path], private: Private
             f"{place}.start: expected at most {MAX_PLACES} files of code beside files that are none, were {len(reads)} "
             f"in {folder}. Move the program into a folder of its own."
         )
-    files = (
-        path for path in unseen if path.is_file() and not path.name.startswith(".") and not _is_of_run(path, private)
-    )
+    data = (path for path in unseen if path.is_file() and not path.name.startswith("."))
+    files = (path for path in data if path.suffix not in _BUILD_KINDS and not _is_of_run(path, private))
     return ProgramFiles(reads=reads, unseen=tuple(path for path in files if not any(map(path.is_relative_to, reads))))
 
 

@@ -47,7 +47,7 @@ def test_code_alone_is_bound_and_what_is_not_is_named(tmp_path):
     selected = select_program_files(tmp_path, [tmp_path / "agent.py"], PrivatePlaces([]), place="agents[0]")
     assert bound(tmp_path) == ["agent.py", "package.json", "package/inner", "tools.py"]
     unseen = {path.relative_to(tmp_path).as_posix() for path in selected.unseen}
-    assert unseen >= {"renamed.yaml", "room", "room.txt", "run.zip", "room.npz", "a/b/copy.json", "package/data.json"}
+    assert unseen >= {"renamed.yaml", "room.txt", "run.zip", "room.npz", "a/b/copy.json", "package/data.json"}
 
 
 @pytest.mark.parametrize(
@@ -61,6 +61,11 @@ def test_folders_of_runs_results_and_rooms_are_not_entered(tmp_path, signs):
 def test_the_folder_of_a_program_is_never_bound_whole(tmp_path):
     """Runs, and whatever else, may be made in it while the agent looks."""
     assert bound(made(tmp_path, "agent.py", "src/a.py", "src/deep/b.py")) == ["agent.py", "src"]
+
+
+def test_of_a_bundle_all_files_are_the_programs(tmp_path):
+    made(tmp_path, "agent.py", "submission.yaml", "parts/data.json", ".env", "scenario.yaml", "room.obj")
+    assert bound(tmp_path, private=[tmp_path / "room.obj"]) == ["agent.py", "parts", "submission.yaml"]
 
 
 def test_a_program_without_a_suffix_is_code_by_its_first_bytes(tmp_path):
