@@ -10,6 +10,8 @@ SCENARIOS_PACKAGE = "gslcosim_scenarios"
 AGENTS_PACKAGE = "gslcosim_agents"
 AGENT_FILE = "agent.py"
 CARD_FILE = "method.yaml"
+# It names the folder around it as a bundle: a program with all that it needs, packed, hashed and moved as one.
+SUBMISSION_FILE = "submission.yaml"
 # Endings of what `start.python` takes beside names: a file of Python, and a card that names its program.
 PROGRAM_ENDINGS = (".py", CARD_FILE)
 SUITE_FILE = "suite.yaml"

@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gslcosim.base.bundled import SUITE_FILE
+from gslcosim.base.bundled import SUBMISSION_FILE, SUITE_FILE
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import iterate_tree, read_regular_file, remove_tree, replace_file
 from gslcosim.base.yaml_core import without_editor_header
@@ -32,7 +32,6 @@ from gslcosim_bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim_bench.cases.spec_files import read_spec_file
 from gslcosim_bench.secret_files import holds_secret
 
-SUBMISSION_FILE = "submission.yaml"
 _BUILT = ".built"
 _MAX_BYTES, _MAX_FILES = 200_000_000, 10_000
 _MAX_LEVELS_UP = 4

@@ -142,7 +142,7 @@ class PersistentWalk(Agent):
         self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
 
     def decide(self, observation: Observation) -> Command:
-        """Return the next leg; one that was refused is not flown on."""
+        """Return the next leg, in a new direction after a refused one."""
         keeps = self.draws.fraction() < self.persistence and observation.notice is None
         return self.pacer.leg(observation, self.walk.next_end_m(observation.position_world_m, keeps=keeps))
 

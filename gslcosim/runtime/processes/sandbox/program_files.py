@@ -1,6 +1,7 @@
 """Files of a program that its sandbox binds: those of its command line, its code, and those that its card names.
 
-Names and kinds of files decide, never contents: a copy of a scenario is hidden under each name but that of code.
+Of a bundle all files are the program's. Names and kinds of files decide, never contents: elsewhere a copy of a scenario
+is hidden under each name but that of code.
 """
 
 import os
@@ -8,7 +9,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from gslcosim.base.bundled import CARD_FILE
+from gslcosim.base.bundled import CARD_FILE, SUBMISSION_FILE
 from gslcosim.base.errors import UsageError
 from gslcosim.methods.card import find_card_beside
 
@@ -27,8 +28,6 @@ _CODE_KINDS = frozenset((
     ".wasm", ".toml", ".cfg", ".mod", ".sum", ".lock", ".cmake",
 ))  # fmt: skip
 _CODE_NAMES = frozenset(("package.json", "tsconfig.json", "CMakeLists.txt", "Makefile", CARD_FILE))
-# Beside the program all files are its own: it is a bundle, which is packed, hashed and moved as one.
-_BUNDLE_FILE = "submission.yaml"
 # Products of builds, which a program that has been built does not read.
 _BUILD_KINDS = frozenset(("", ".d", ".rlib", ".rmeta"))
 _CODE_BEGINS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
@@ -82,7 +81,7 @@ def select_program_files(folder: Path, named: Collection[Path], private: Private
     given = [_find_card_file(folder, name, private, place) for name in (card.files if card is not None else ())]
     code: list[Path] = []
     unseen: list[Path] = []
-    is_bundle = (folder / _BUNDLE_FILE).is_file()
+    is_bundle = (folder / SUBMISSION_FILE).is_file()
     for path, is_whole in _iterate_entries(folder, place):
         is_packed = is_bundle and path.is_file() and not path.is_symlink() and not path.name.startswith(".")
         is_own = is_packed and not _is_of_run(path, private)
