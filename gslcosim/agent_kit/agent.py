@@ -18,6 +18,11 @@ from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.contract.schema import check_contract, format_own_contract
 
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
+_Event = tuple[str, bytes]
+_LINK_LOST = "lost"
+
 
 class Agent(ABC):
     """A search method. It is built with the briefing, receives every observation, and decides on request.
@@ -177,10 +182,6 @@ class AgentGroup:
             self._leave(member.name)
 
 
-# Without type stubs, so its functions are Any.
-_msgpack: Any = msgpack
-
-
 def is_behind_gateway() -> bool:
     """Return True if this process was started to speak frames on its standard input and output."""
     return AGENT_VARIABLE in os.environ and JOIN_VARIABLE not in os.environ
@@ -240,10 +241,6 @@ def _write_frame(output: BinaryIO, payload: bytes) -> None:
 
 def _add_agent_name(name: str, answer: bytes) -> bytes:
     return _msgpack.packb({**_msgpack.unpackb(answer, use_list=False), "agent": name})
-
-
-_Event = tuple[str, bytes]
-_LINK_LOST = "lost"
 
 
 def run(agent_type: Callable[[Briefing], Agent]) -> None:

@@ -27,6 +27,14 @@ from gslcosim.gateway.frame_codec import (
 )
 
 READ_BYTES = 64 * 1024
+MAX_UNHANDLED = 16
+MAX_BACKLOG_BYTES = 64 * 1024 * 1024
+EventKind = Literal["command", "refused", "closed", "ended"]
+EventHandler = Callable[[EventKind, bytes], None]
+HELLO_TIMEOUT_S = 10.0
+MAX_HELLO_BYTES = 4096
+MAX_PENDING_CONNECTIONS = 8
+_POLL_PERIOD_S = 0.2
 
 
 class Stream(Protocol):
@@ -136,13 +144,6 @@ class SocketStream(_PolledStream):
             self._connection.shutdown(side)
         if not self._open_sides:
             self._connection.close()
-
-
-MAX_UNHANDLED = 16
-MAX_BACKLOG_BYTES = 64 * 1024 * 1024
-
-EventKind = Literal["command", "refused", "closed", "ended"]
-EventHandler = Callable[[EventKind, bytes], None]
 
 
 class ThreadedConnection:
@@ -332,12 +333,6 @@ class BlockingConnection:
         data = self._stream.read()
         self._has_ended = self._has_ended or not data
         self._items += self._splitter.feed(data)
-
-
-HELLO_TIMEOUT_S = 10.0
-MAX_HELLO_BYTES = 4096
-MAX_PENDING_CONNECTIONS = 8
-_POLL_PERIOD_S = 0.2
 
 
 class Listener:

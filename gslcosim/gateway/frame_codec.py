@@ -26,6 +26,7 @@ _MAX_SMALL_MAP = 15
 _MAP_HEADER_BYTES = (*range(0x80, 0x90), 0xDE, 0xDF)
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True)
@@ -187,9 +188,6 @@ def read_agent_name(payload: bytes) -> str | None:
         return None
     name = cast(dict[str, Any], fields).get("agent") if isinstance(fields, dict) else None
     return name if isinstance(name, str) else None
-
-
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 # NaN and Infinity, which Python's parser takes although JSON has none, are left to the validator: it names the field.

@@ -23,6 +23,15 @@ Kind = Literal["multirotor", "holonomic", "wheels"]
 # Four is the least that can push and turn about all axes; the compiled loop has room for sixteen.
 MIN_ROTORS, MAX_ROTORS = 4, 16
 KINDS: tuple[Kind, ...] = get_args(Kind)
+PARAMETERS_FILE = "parameters.yaml"
+_TEXT_SECTIONS = ("description", "kind")
+# Numbers that may be zero or negative; lists may hold any.
+_SIGNED_PARAMETERS = ("axle_height_m", "integral_gain_s3", "integral_limit_m_s2")
+Parameters = TypeVar("Parameters")
+# Third parties add theirs under this name; each entry point is a folder's path, or a module in the folder.
+VEHICLE_ENTRY_POINTS = "gslcosim.vehicles"
+_ENTRY_POINTS = EntryPoints(group=VEHICLE_ENTRY_POINTS, what="vehicle")
+VEHICLES_DIR = Path(__file__).parent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +192,6 @@ class Vehicle:
         return self.drawing.scale if isinstance(self.drawing, RotorDrawing) else 1.0
 
 
-PARAMETERS_FILE = "parameters.yaml"
 # The sections that a vehicle of a kind has, besides its description and its kind.
 _SECTIONS: dict[Kind, dict[str, type[Any]]] = {
     "multirotor": {
@@ -195,11 +203,6 @@ _SECTIONS: dict[Kind, dict[str, type[Any]]] = {
     "holonomic": {"body": BodyParameters, "control": ControlParameters},
     "wheels": {"body": BodyParameters, "wheels": WheelParameters, "drawing": WheelDrawing},
 }
-_TEXT_SECTIONS = ("description", "kind")
-# Numbers that may be zero or negative; lists may hold any.
-_SIGNED_PARAMETERS = ("axle_height_m", "integral_gain_s3", "integral_limit_m_s2")
-
-Parameters = TypeVar("Parameters")
 
 
 # Read once in a process: a suite flies the same vehicle thousands of times.
@@ -319,12 +322,6 @@ def _find_rotor_problems(rotors: RotorParameters) -> Iterator[str]:
 
 def _build_error(name: str, path: Path, problems: Sequence[str]) -> VehicleError:
     return VehicleError("\n".join([f"vehicle {name}: {problem}" for problem in problems] + [f"File: {path}"]))
-
-
-# Third parties add theirs under this name; each entry point is a folder's path, or a module in the folder.
-VEHICLE_ENTRY_POINTS = "gslcosim.vehicles"
-_ENTRY_POINTS = EntryPoints(group=VEHICLE_ENTRY_POINTS, what="vehicle")
-VEHICLES_DIR = Path(__file__).parent
 
 
 @cache

@@ -58,6 +58,9 @@ _REMEDIES_BY_TEXT = (
     ("expected one JSON object a line", _STDERR_REMEDY),
     ("line feed after each object", _ONE_OBJECT_REMEDY),
 )
+MAX_SHOWN = 200
+# No length [m], speed [m/s], duration [s] or probability of a search is beyond these, unless its bytes are swapped.
+MIN_SANE, MAX_SANE = 1e-9, 1e6
 
 
 def find_refusal_remedy(text: str) -> str:
@@ -153,11 +156,6 @@ def _is_json(payload: bytes) -> bool:
         return isinstance(json.loads(payload), dict)
     except (ValueError, RecursionError):
         return False
-
-
-MAX_SHOWN = 200
-# No length [m], speed [m/s], duration [s] or probability of a search is beyond these, unless its bytes are swapped.
-MIN_SANE, MAX_SANE = 1e-9, 1e6
 
 
 @dataclass(frozen=True, kw_only=True)

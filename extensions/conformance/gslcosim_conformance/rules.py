@@ -15,6 +15,10 @@ Stage = Literal["opening", "session", "any", "end", "later"]
 Variation = Literal[
     "plain", "unknown fields", "optional fields", "missing inputs", "repeats", "ending at once", "lost link"
 ]
+Status = Literal["passed", "failed", "not_judged", "not_applicable"]
+_MARKS: Mapping[Status, str] = {"passed": "PASS", "failed": "FAIL", "not_judged": " -- ", "not_applicable": " n/a"}
+_WIDTH = 110
+_INDENT = " " * 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +60,6 @@ def _load_rules() -> dict[str, dict[str, Rule]]:
 _TABLE = _load_rules()
 RULES = _TABLE["agent"]
 PARTICIPANT_RULES = _TABLE["participant"]
-
-Status = Literal["passed", "failed", "not_judged", "not_applicable"]
-
-_MARKS: Mapping[Status, str] = {"passed": "PASS", "failed": "FAIL", "not_judged": " -- ", "not_applicable": " n/a"}
-_WIDTH = 110
-_INDENT = " " * 16
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,10 @@ Change that, and run these commands from this folder:
 {commands}
 ```
 """
+PARTICIPANT_TEMPLATES = TEMPLATES / "participants"
+ORIGINAL_PARTICIPANT = "air_conditioner"
+SCENARIO_FILE = "ventilated_room.yaml"
+PARTICIPANT_SUFFIXES = {"c": ".c", "python": ".py", "rust": ".rs"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,12 +128,6 @@ def _rename(folder: Path, name: str) -> None:
 # A person's `python` need not be the one that has gslcosim.
 def _find_python() -> str:
     return "python" if shutil.which("python") == sys.executable else sys.executable
-
-
-PARTICIPANT_TEMPLATES = TEMPLATES / "participants"
-ORIGINAL_PARTICIPANT = "air_conditioner"
-SCENARIO_FILE = "ventilated_room.yaml"
-PARTICIPANT_SUFFIXES = {"c": ".c", "python": ".py", "rust": ".rs"}
 
 
 def create_participant(language: str, name: str, folder: Path) -> str:

@@ -82,6 +82,17 @@ REFUSED_QUESTION = 6
 # Questions one by one and in a row, after pauses of several lengths; 2^7, 2^8 and 2^16 are crossed by questions.
 QUESTION_TICKS = (4, 9, 10, 11, 40, 127, 128, 255, 256, 257, 300, 65_535, 65_536, 70_000)
 OTHER_TICKS = (*range(4), *range(5, 9), *range(12, 40), *range(120, 127), 129, 254, 258, 299, *range(65_530, 65_535))
+# Maps whose keys are data: what is added there would be data, too.
+_FREE_FORM_FIELDS = ("parameters",)
+PARTICIPANT_NAME = "model_1"
+VEHICLE_NAME = "beetle"
+# In a row, and over the places where integers get longer in msgpack.
+INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65_540))
+# Without any input, as at the beginning of a run where all have a delay.
+N_EMPTY_TICKS = 5
+_HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
+_OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
+_SOURCE_PORTS_PREFIX = build_source_port(0).removesuffix("0")
 
 
 def iter_ticks() -> Iterator[tuple[int, bool]]:
@@ -166,10 +177,6 @@ class ScriptedWorld:
             self.notice = "waypoint: expected a place in free air, was within an obstacle or outside of the room."
 
 
-# Maps whose keys are data: what is added there would be data, too.
-_FREE_FORM_FIELDS = ("parameters",)
-
-
 def add_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
     """Return a message's map as a later minor version might send it: more keys, of every type, at every level."""
     more: dict[str, Any] = {
@@ -192,17 +199,6 @@ def _extend(value: Any, more: dict[str, Any]) -> Any:
     if isinstance(value, dict):
         return {key: _extend(item, more) for key, item in value.items()} | more
     return [_extend(item, more) for item in value] if isinstance(value, list | tuple) else value
-
-
-PARTICIPANT_NAME = "model_1"
-VEHICLE_NAME = "beetle"
-# In a row, and over the places where integers get longer in msgpack.
-INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65_540))
-# Without any input, as at the beginning of a run where all have a delay.
-N_EMPTY_TICKS = 5
-_HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
-_OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
-_SOURCE_PORTS_PREFIX = build_source_port(0).removesuffix("0")
 
 
 def get_message_name(port: str) -> str | None:

@@ -43,6 +43,26 @@ HELP = (
 )
 
 ControlRequest = Command | Literal["quit"] | None
+_KEYS_BY_SEQUENCE = {
+    "\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left",
+    "\x1bOA": "up", "\x1bOB": "down", "\x1bOC": "right", "\x1bOD": "left",
+    "\x1b[5~": "page_up", "\x1b[6~": "page_down",
+}  # fmt: skip
+_KEYS_BY_CHARACTER = {" ": "space", "\r": "enter", "\n": "enter"}
+_ENTER_SCREEN = "\x1b[?1049h\x1b[?25l"
+_LEAVE_SCREEN = "\x1b[?25h\x1b[?1049l"
+MIN_COLUMNS, MIN_ROWS = 72, 22
+HISTORY = 240
+SPARK = "▁▂▃▄▅▆▇█"
+ARROWS = "→↗↑↖←↙↓↘"
+BAR_WIDTH = 16
+_LABEL_WIDTH = 22
+_FIGURE_WIDTH = 14
+_GAS_MARKS = "·∘oO@"
+DRAW_PERIOD_S = 0.05
+POLL_PERIOD_S = 0.1
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
 
 
 @dataclass
@@ -134,15 +154,6 @@ class KeyControls:
 if sys.platform != "win32":
     import termios
     import tty
-
-_KEYS_BY_SEQUENCE = {
-    "\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left",
-    "\x1bOA": "up", "\x1bOB": "down", "\x1bOC": "right", "\x1bOD": "left",
-    "\x1b[5~": "page_up", "\x1b[6~": "page_down",
-}  # fmt: skip
-_KEYS_BY_CHARACTER = {" ": "space", "\r": "enter", "\n": "enter"}
-_ENTER_SCREEN = "\x1b[?1049h\x1b[?25l"
-_LEAVE_SCREEN = "\x1b[?25h\x1b[?1049l"
 
 
 def parse_keys(text: str) -> list[str]:
@@ -236,16 +247,6 @@ class Terminal:
         with contextlib.suppress(OSError):
             while left:
                 left = left[os.write(self._output, left) :]
-
-
-MIN_COLUMNS, MIN_ROWS = 72, 22
-HISTORY = 240
-SPARK = "▁▂▃▄▅▆▇█"
-ARROWS = "→↗↑↖←↙↓↘"
-BAR_WIDTH = 16
-_LABEL_WIDTH = 22
-_FIGURE_WIDTH = 14
-_GAS_MARKS = "·∘oO@"
 
 
 @dataclass
@@ -398,12 +399,6 @@ def _get_gas_strength(observation: Observation) -> float | None:
 
 def _draw_arrow(angle_rad: float) -> str:
     return ARROWS[round(angle_rad / (math.pi / 4)) % 8]
-
-
-DRAW_PERIOD_S = 0.05
-POLL_PERIOD_S = 0.1
-# Without type stubs, so its functions are Any.
-_msgpack: Any = msgpack
 
 
 class TeleopClient(threading.Thread):

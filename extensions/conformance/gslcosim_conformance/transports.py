@@ -42,6 +42,23 @@ _PROC = Path("/proc")
 # Several checks may share this process: each finds its own by the mark, and one alone those without any, too.
 _LOCK = threading.Lock()
 _ACTIVE: set[str] = set()
+TransportKind = Literal["zenoh", "stdio", "tcp", "unix"]
+N_LOG_TAIL_LINES = 6
+_NAMESPACE = "gsl/check"
+_KEYS_BY_MESSAGE = {Briefing: keys.briefing, Observation: keys.observation, Ending: keys.ending}
+# An agent listens to the first or to the second.
+_OBSERVATION, _QUESTION = keys.observation(AGENT), keys.question(AGENT)
+# What there is in a run that an agent must not see.
+_FORBIDDEN_KEYS = (
+    keys.BODIES,
+    keys.SAMPLES,
+    keys.FILAMENTS,
+    keys.SCORE,
+    keys.VERDICT,
+    keys.command(AGENT),
+    keys.observation(OTHER_AGENT),
+    keys.raw_command(OTHER_AGENT),
+)
 
 
 class OrphanProcesses:
@@ -130,9 +147,6 @@ def _read_command_line(pid: int) -> str:
 def _set_subreaper(*, is_asking: bool) -> None:
     if OrphanProcesses.is_possible():
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, int(is_asking), 0, 0, 0)
-
-
-TransportKind = Literal["zenoh", "stdio", "tcp", "unix"]
 
 
 @dataclass(frozen=True)
@@ -228,24 +242,6 @@ class CheckTransport(AgentTransport, Protocol):
     def stop(self) -> str:
         """End whatever is left of the agent; return the end of its log."""
         ...
-
-
-N_LOG_TAIL_LINES = 6
-_NAMESPACE = "gsl/check"
-_KEYS_BY_MESSAGE = {Briefing: keys.briefing, Observation: keys.observation, Ending: keys.ending}
-# An agent listens to the first or to the second.
-_OBSERVATION, _QUESTION = keys.observation(AGENT), keys.question(AGENT)
-# What there is in a run that an agent must not see.
-_FORBIDDEN_KEYS = (
-    keys.BODIES,
-    keys.SAMPLES,
-    keys.FILAMENTS,
-    keys.SCORE,
-    keys.VERDICT,
-    keys.command(AGENT),
-    keys.observation(OTHER_AGENT),
-    keys.raw_command(OTHER_AGENT),
-)
 
 
 def open_transport(connection: ConnectionSpec) -> CheckTransport:

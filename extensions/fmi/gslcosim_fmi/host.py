@@ -28,6 +28,8 @@ _MAX_LOG_LINES, _MAX_LINE_LENGTH, _MAX_LOGGED = 3, 300, 10_000
 _FAULT_CATEGORIES = ("warning", "discard", "error", "fatal")
 # Of a step, for rounding of times that a unit computes itself.
 _TIME_TOLERANCE = 1e-6
+# By type the value references, and their places among all values.
+_Group = tuple[list[int], list[int]]
 
 
 class FmuError(Exception):
@@ -239,10 +241,6 @@ class LoadedFmu:
             for i, value in zip(places, values, strict=True):
                 found[i] = bool(value) if kind == "Boolean" else value
         return found
-
-
-# By type the value references, and their places among all values.
-_Group = tuple[list[int], list[int]]
 
 
 def _group(variables: Sequence[tuple[int, str]]) -> dict[str, _Group]:

@@ -22,6 +22,22 @@ VariableName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ValuePath = Annotated[str, StringConstraints(min_length=1, max_length=400)]
 # Loads a unit in a process of its own.
 _HOST_MODULE = "gslcosim_fmi.host"
+INPUTS = ScenarioKey[Mapping[str, str]](
+    place=PARTICIPANT_READ,
+    name="inputs",
+    annotation=dict[VariableName, ValuePath],
+    description="for a unit: by input variable the place of its value in the message, such as "
+    "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm",
+    default={},
+)
+OUTPUTS = ScenarioKey[Mapping[str, Mapping[str, str]]](
+    place=PARTICIPANT,
+    name="outputs",
+    annotation=dict[Name, dict[Name, VariableName]],
+    description="for a unit: by output and name the variable with its value",
+    default={},
+    after="answer_within_s",
+)
 
 
 def _build_words(unit: str) -> tuple[str, ...]:
@@ -86,21 +102,5 @@ UNIT_START = ParticipantStart[str | None](
     check_start=_check_start,
     check_participant=_check_participant,
     unpacks_files=True,
-)
-INPUTS = ScenarioKey[Mapping[str, str]](
-    place=PARTICIPANT_READ,
-    name="inputs",
-    annotation=dict[VariableName, ValuePath],
-    description="for a unit: by input variable the place of its value in the message, such as "
-    "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm",
-    default={},
-)
-OUTPUTS = ScenarioKey[Mapping[str, Mapping[str, str]]](
-    place=PARTICIPANT,
-    name="outputs",
-    annotation=dict[Name, dict[Name, VariableName]],
-    description="for a unit: by output and name the variable with its value",
-    default={},
-    after="answer_within_s",
 )
 KEYS: tuple[ScenarioKey[Any], ...] = (UNIT_START, INPUTS, OUTPUTS)

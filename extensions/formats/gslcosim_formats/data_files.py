@@ -44,6 +44,14 @@ BLANK_REMEDY = "Leave samples without a value out, in ParaView by Threshold: cel
 
 # Each line with its number in the file, from 1.
 NumberedLines = Sequence[tuple[int, str]]
+OCCUPANCY_FILE = "OccupancyGrid3D.csv"
+_HEAD = (("env_min", 3), ("env_max", 3), ("num_cells", 3), ("cell_size", 1))
+# GADEN's preprocessing begins a binary component file with this number.
+BINARY_MARK = 999
+# GADEN's results begin with two of these, major and minor, from version 2.6 on.
+RESULT_MAJORS = (2, 3)
+# Frames times cells; what is larger (36 GB) is a fault of the file.
+LARGEST_WIND_CELLS = 3 * 10**9
 
 
 def read_content(path: Path) -> bytes:
@@ -187,10 +195,6 @@ def check_velocities(
             )
 
 
-OCCUPANCY_FILE = "OccupancyGrid3D.csv"
-_HEAD = (("env_min", 3), ("env_max", 3), ("num_cells", 3), ("cell_size", 1))
-
-
 def read_occupancy(path: Path) -> tuple[Grid, NDArray[np.uint8]]:
     """Return the grid and the (nx, ny, nz) cells of an `OccupancyGrid3D.csv`."""
     lines = read_lines(path)
@@ -271,14 +275,6 @@ def _check_layers(path: Path, lines: NumberedLines, nx: int, nz: int) -> None:
     n_layers += n_rows == nx
     if n_layers != nz or n_rows not in (0, nx):
         raise data_error(path, f"{nz} layers of {nx} rows", f"{n_layers} layers and {n_rows % nx} rows")
-
-
-# GADEN's preprocessing begins a binary component file with this number.
-BINARY_MARK = 999
-# GADEN's results begin with two of these, major and minor, from version 2.6 on.
-RESULT_MAJORS = (2, 3)
-# Frames times cells; what is larger (36 GB) is a fault of the file.
-LARGEST_WIND_CELLS = 3 * 10**9
 
 
 def read_components(paths: tuple[Path, Path, Path], grid: Grid) -> NDArray[np.float32]:

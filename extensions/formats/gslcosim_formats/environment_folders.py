@@ -52,6 +52,14 @@ from gslcosim_formats.wind_files import NoWindWarning, load_wind
 # The walls are part of the grid or lie at its border; these close the openings, so that no vehicle leaves the room.
 _CLOSING_WALL_M = 0.2
 NOTICE = "The room comes from a grid: its solids are boxes of whole cells, and so are its walls."
+# Below the folder of the occupancy: where a wind may be; the first pattern that is there is taken.
+_WIND_FOLDERS = ("wind", "wind_simulations", "wind_simulations/*", "gas_simulations/*/*/wind", "simulations/*/*/wind")
+_OCCUPANCY_PLACES = ("", "environment_configurations/*/")
+# Folders that carry a layout's name and not the scenario's.
+_CONFIGURATIONS = "environment_configurations"
+HEAD_SUFFIX, GRID_SUFFIX = "_head.txt", "_grid.npy"
+OCCUPANCY_DIR, WIND_DIR = "occupancy", "wind_data"
+_WIND_DIRS = (WIND_DIR, "wind")
 
 
 def geometry_from_grid(
@@ -115,13 +123,6 @@ def _rectangle(cells: NDArray[np.int64], grid: Grid, face: Face) -> tuple[Vec3, 
         for corner in corners
     )
     return (x0, y0, z0), (x1, y1, z1)
-
-
-# Below the folder of the occupancy: where a wind may be; the first pattern that is there is taken.
-_WIND_FOLDERS = ("wind", "wind_simulations", "wind_simulations/*", "gas_simulations/*/*/wind", "simulations/*/*/wind")
-_OCCUPANCY_PLACES = ("", "environment_configurations/*/")
-# Folders that carry a layout's name and not the scenario's.
-_CONFIGURATIONS = "environment_configurations"
 
 
 def import_gaden(
@@ -191,11 +192,6 @@ def _find_gaden_wind(folder: Path) -> Path | None:
 
 def _holds_files(folder: Path) -> bool:
     return any(path.is_file() for path in folder.iterdir())
-
-
-HEAD_SUFFIX, GRID_SUFFIX = "_head.txt", "_grid.npy"
-OCCUPANCY_DIR, WIND_DIR = "occupancy", "wind_data"
-_WIND_DIRS = (WIND_DIR, "wind")
 
 
 class _Head(BaseModel):

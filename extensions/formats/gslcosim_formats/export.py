@@ -34,6 +34,14 @@ _BOX_FACES = np.array(
         for face in ((a, b, c), (a, c, d))
     ]
 )
+Format = Literal["gaden", "gsl_bench", "vtk", GriddedFormat, "stl", "openfoam_points", "mjcf"]
+GadenWind = Literal["components", "components_text", "points", "iterations"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+GADEN_WINDS: tuple[GadenWind, ...] = get_args(GadenWind)
+_GADEN_POINTS = '"U:0","U:1","U:2","Points:0","Points:1","Points:2"'
+_FOAM_POINTS = "x,y,z,Ux,Uy,Uz"
+# Nine digits name a float32 exactly.
+_EXACT = "%.9g"
 
 
 def build_stl(environment: Environment) -> bytes:
@@ -100,17 +108,6 @@ def _write_frame(environment: Environment, velocity_m_s: NDArray[np.float32], pa
     }
     grid = environment.grid
     return imageToVTK(str(path), origin=grid.origin_m, spacing=(grid.cell_m,) * 3, cellData=cell_data)
-
-
-Format = Literal["gaden", "gsl_bench", "vtk", GriddedFormat, "stl", "openfoam_points", "mjcf"]
-GadenWind = Literal["components", "components_text", "points", "iterations"]
-FORMATS: tuple[Format, ...] = get_args(Format)
-GADEN_WINDS: tuple[GadenWind, ...] = get_args(GadenWind)
-
-_GADEN_POINTS = '"U:0","U:1","U:2","Points:0","Points:1","Points:2"'
-_FOAM_POINTS = "x,y,z,Ux,Uy,Uz"
-# Nine digits name a float32 exactly.
-_EXACT = "%.9g"
 
 
 def write_environment(

@@ -32,6 +32,14 @@ from gslcosim_formats.solver_comparison import SolverComparison, compare_solvers
 # A safety factor of three or more meshes, Roache 1994.
 SAFETY = 1.25
 MAX_ORDER = 20.0
+# Where the room is looked at unless set otherwise, as shares of its size: before, between and behind, and high up.
+DEFAULT_PROBES_FRAC = ((0.2, 0.1, 0.25), (0.2, 0.8, 0.25), (0.8, 0.2, 0.25), (0.8, 0.9, 0.25), (0.5, 0.5, 0.75))
+# Of the meshes wanted, how far one may be off for its cells to divide the room.
+_MM = 1000
+STUDY_JSON_FILE, STUDY_CSV_FILE, STUDY_PLOT_FILE = "mesh_study.json", "mesh_study.csv", "mesh_study.png"
+COMPARISON_FILE = "solver_comparison.json"
+# Compared where the scenario has no end of its own: what GSL-Bench takes for its wind.
+DEFAULT_END_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,12 +111,6 @@ def _order(r21: float, r32: float, ratio: float) -> float | None:
         is_below = r21**middle * (r32**middle - 1.0) < ratio * (r21**middle - 1.0)
         low, high = (middle, high) if is_below else (low, middle)
     return low
-
-
-# Where the room is looked at unless set otherwise, as shares of its size: before, between and behind, and high up.
-DEFAULT_PROBES_FRAC = ((0.2, 0.1, 0.25), (0.2, 0.8, 0.25), (0.8, 0.2, 0.25), (0.8, 0.9, 0.25), (0.5, 0.5, 0.75))
-# Of the meshes wanted, how far one may be off for its cells to divide the room.
-_MM = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,9 +241,6 @@ def _default_probes(layout: Layout, recipe: Recipe, cells_m: Sequence[float]) ->
     return tuple(probes)
 
 
-STUDY_JSON_FILE, STUDY_CSV_FILE, STUDY_PLOT_FILE = "mesh_study.json", "mesh_study.csv", "mesh_study.png"
-
-
 def build_rows(study: MeshStudy) -> list[list[str]]:
     """Return the rows of a table, the headings first: a row for each mesh, then those of the convergence."""
     names = [point_text(probe_m) for probe_m in study.probes_m]
@@ -305,11 +304,6 @@ def _plot(study: MeshStudy, path: Path) -> bool:
     axes.legend(loc="best")
     figure.savefig(path, dpi=120)
     return True
-
-
-COMPARISON_FILE = "solver_comparison.json"
-# Compared where the scenario has no end of its own: what GSL-Bench takes for its wind.
-DEFAULT_END_S = 5.0
 
 
 def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | None = None) -> SolverComparison:

@@ -10,6 +10,21 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import ENVIRONMENT, InputPath, ScenarioKey
 from gslcosim.base.spec import Name, Positive, Spec
 
+GSL_BENCH, GADEN = (
+    ScenarioKey[str | None](
+        place=ENVIRONMENT,
+        name=name,
+        annotation=str | None,
+        description=description,
+        after=after,
+        inputs=(InputPath(place=f"{ENVIRONMENT}.{name}", expected="the folder of an environment", kind="folder"),),
+    )
+    for name, after, description in (
+        ("gsl_bench", "path", "folder of a GSL-Bench or AutoGDM+ environment"),
+        ("gaden", "gsl_bench", "folder of a GADEN environment, with its OccupancyGrid3D.csv"),
+    )
+)
+
 
 def _check_box_or_rectangle(min_m: Vec3, max_m: Vec3) -> None:
     """Raise what a validator raises for corners of no box; it may be flat along one axis."""
@@ -111,20 +126,6 @@ class GeometrySpec(Spec):
         return self
 
 
-GSL_BENCH, GADEN = (
-    ScenarioKey[str | None](
-        place=ENVIRONMENT,
-        name=name,
-        annotation=str | None,
-        description=description,
-        after=after,
-        inputs=(InputPath(place=f"{ENVIRONMENT}.{name}", expected="the folder of an environment", kind="folder"),),
-    )
-    for name, after, description in (
-        ("gsl_bench", "path", "folder of a GSL-Bench or AutoGDM+ environment"),
-        ("gaden", "gsl_bench", "folder of a GADEN environment, with its OccupancyGrid3D.csv"),
-    )
-)
 GEOMETRY = ScenarioKey[GeometrySpec | None](
     place=ENVIRONMENT,
     name="geometry",

@@ -62,6 +62,48 @@ _VELOCITIES = ("u", "velocity", "wind", "vel", "umean", "u mean")
 _ROUNDING_CELLS = 1e-4
 # What is farther away is a fault of the file.
 _FARTHEST_M = 1e9
+_MASK = "vtkValidPointMask"
+_N_POINT_COLUMNS = 6
+VELOCITY_FILE = "U"
+CENTRES_FILES = ("C", "cellCentres")
+_FORMAT = re.compile(rb"\bformat\s+(\w+)\s*;")
+_ARCH = re.compile(rb"\barch\s+\"(?P<order>[LM]SB)?[^\"]*scalar=(?P<bits>\d+)")
+# Either so many vectors, or so many times one.
+_LIST = re.compile(rb"^\s*internalField\s+nonuniform\s+List<vector>\s+(\d+)\s*([({])", re.MULTILINE)
+_UNIFORM = re.compile(rb"^\s*internalField\s+uniform\s+\(([^)]*)\)\s*;", re.MULTILINE)
+# What a compressed field may hold; chosen.
+_LARGEST_FIELD_BYTES = 2**32
+# The shortest vector is `(0 0 0)`.
+_LEAST_VECTOR_BYTES = 7
+_COMPONENT = re.compile(r"(?P<name>.*\.csv)_[UVW]")
+_NUMBERED = re.compile(
+    r"(?P<prefix>.*?)[_.-]?(?P<number>\d+)(?P<suffix>(\.csv(_gaden)?|\.xy|\.raw|\.txt|\.dat|\.npy)?)"
+)
+_TABLE_SUFFIXES = (".csv", ".xy", ".raw", ".txt", ".dat")
+_RESULT_PREFIX, _RESULT_SUFFIX = "wind_iteration", ".csv_gaden"
+# With still air in more than this share of the air cells of all frames, a warning says so; chosen.
+_MOSTLY = 0.5
+POINTS, FOAM = "points with velocities", "time folders of OpenFOAM"
+COMPONENTS, RESULTS = "GADEN's component files", "GADEN's results"
+UNIFORM, ARRAY = "uniform wind", "a numpy array"
+# So much of a file identifies its kind.
+_HEAD_BYTES = 2**16
+_NPY_MARK = b"\x93NUMPY"
+_KNOWN = (
+    "a table of points, lines u,v,w, <name>_i.csv_U with _V and _W, wind_iteration_i, <name>_i.csv_gaden, .npy, "
+    "or a folder of OpenFOAM with U and C"
+)
+# Of a file whose content is not recognised: its error is raised when its series is taken.
+_UNKNOWN = "unknown"
+# What GADEN makes of a series of tables, and leaves beside them, comes before these; in the order of GADEN.
+_FIRST_KINDS = (RESULTS, COMPONENTS)
+_Numbered = dict[str, list[tuple[int, Path]]]
+_CENTRES_REMEDY = "Run postProcess -func writeCellCentres."
+_PARTS_REMEDY = "Run reconstructPar."
+# Of a case that is solved in parts: the folders of these.
+_PART = re.compile(r"processors?\d+(_\d+-\d+)?")
+# A time that holds no more than these has no flow.
+_MESH_FIELDS = frozenset((*CENTRES_FILES, "Cx", "Cy", "Cz", "ccx", "ccy", "ccz", "V"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,10 +244,6 @@ def _vector(names: Sequence[str], known: Sequence[str]) -> list[int] | None:
     return None if axes is None else [axes[axis] for axis in range(3)]
 
 
-_MASK = "vtkValidPointMask"
-_N_POINT_COLUMNS = 6
-
-
 # Those of x, y, z, u, v, w, and of ParaView's mask where there is one.
 def _columns(path: Path, table: _Table) -> list[int]:
     if table.names is None:
@@ -223,19 +261,6 @@ def _columns(path: Path, table: _Table) -> list[int]:
         )
         raise data_error(path, f"columns with {missing}", ", ".join(table.names)[:200])
     return [*places, *winds, *(i for i, name in enumerate(table.names) if name == _MASK)]
-
-
-VELOCITY_FILE = "U"
-CENTRES_FILES = ("C", "cellCentres")
-_FORMAT = re.compile(rb"\bformat\s+(\w+)\s*;")
-_ARCH = re.compile(rb"\barch\s+\"(?P<order>[LM]SB)?[^\"]*scalar=(?P<bits>\d+)")
-# Either so many vectors, or so many times one.
-_LIST = re.compile(rb"^\s*internalField\s+nonuniform\s+List<vector>\s+(\d+)\s*([({])", re.MULTILINE)
-_UNIFORM = re.compile(rb"^\s*internalField\s+uniform\s+\(([^)]*)\)\s*;", re.MULTILINE)
-# What a compressed field may hold; chosen.
-_LARGEST_FIELD_BYTES = 2**32
-# The shortest vector is `(0 0 0)`.
-_LEAST_VECTOR_BYTES = 7
 
 
 def is_foam_text(content: bytes) -> bool:
@@ -328,16 +353,6 @@ def _binary(path: Path, content: bytes, start: int, n: int, closing: bytes) -> N
     return np.frombuffer(content, dtype, count=3 * n, offset=start).astype(np.float64).reshape(-1, 3)
 
 
-_COMPONENT = re.compile(r"(?P<name>.*\.csv)_[UVW]")
-_NUMBERED = re.compile(
-    r"(?P<prefix>.*?)[_.-]?(?P<number>\d+)(?P<suffix>(\.csv(_gaden)?|\.xy|\.raw|\.txt|\.dat|\.npy)?)"
-)
-_TABLE_SUFFIXES = (".csv", ".xy", ".raw", ".txt", ".dat")
-_RESULT_PREFIX, _RESULT_SUFFIX = "wind_iteration", ".csv_gaden"
-# With still air in more than this share of the air cells of all frames, a warning says so; chosen.
-_MOSTLY = 0.5
-
-
 class NoWindWarning(UserWarning):
     """An imported room has no wind; solve or load it before gas is released in it."""
 
@@ -389,10 +404,6 @@ def load_wind(
     period_s = period_s or series.period_s or 1.0
     return WindFrames(velocity_m_s=velocity_m_s, period_s=period_s, is_looping=is_looping)
 
-
-POINTS, FOAM = "points with velocities", "time folders of OpenFOAM"
-COMPONENTS, RESULTS = "GADEN's component files", "GADEN's results"
-UNIFORM, ARRAY = "uniform wind", "a numpy array"
 
 # One file's frames.
 _READERS: dict[str, Callable[[Path, Grid, NDArray[np.bool_]], NDArray[np.float32]]] = {
@@ -457,11 +468,6 @@ def _components_of(base: Path) -> tuple[Path, Path, Path]:
     return u, v, w
 
 
-# So much of a file identifies its kind.
-_HEAD_BYTES = 2**16
-_NPY_MARK = b"\x93NUMPY"
-
-
 def _kind_of(path: Path, grid: Grid) -> str:
     if _COMPONENT.fullmatch(path.name):
         return COMPONENTS
@@ -489,12 +495,6 @@ def _kind_of(path: Path, grid: Grid) -> str:
     if is_result or path.name.startswith(_RESULT_PREFIX) or path.suffix == _RESULT_SUFFIX:
         return RESULTS
     raise data_error(path, _KNOWN, "binary, with another name")
-
-
-_KNOWN = (
-    "a table of points, lines u,v,w, <name>_i.csv_U with _V and _W, wind_iteration_i, <name>_i.csv_gaden, .npy, "
-    "or a folder of OpenFOAM with U and C"
-)
 
 
 def _kind_of_table(path: Path, lines: NumberedLines) -> str:
@@ -525,14 +525,6 @@ def _series_in(folder: Path, grid: Grid, *, is_parent: bool = True) -> _Series:
     for files in series.values():
         return _series_of(folder, files, grid)
     return _times_in(folder) or _only_in(folder, grid, is_parent=is_parent)
-
-
-# Of a file whose content is not recognised: its error is raised when its series is taken.
-_UNKNOWN = "unknown"
-# What GADEN makes of a series of tables, and leaves beside them, comes before these; in the order of GADEN.
-_FIRST_KINDS = (RESULTS, COMPONENTS)
-
-_Numbered = dict[str, list[tuple[int, Path]]]
 
 
 # Files by the common beginning of their names, and by kind, with their numbers.
@@ -600,14 +592,6 @@ def _times_in(folder: Path) -> _Series | None:
         raise data_error(folder, "time folders with U and C, or with one table each", names, remedy=_CENTRES_REMEDY)
     times_s, paths = zip(*sets, strict=True)
     return _Series(kind=POINTS, paths=paths, period_s=_period_s(times_s))
-
-
-_CENTRES_REMEDY = "Run postProcess -func writeCellCentres."
-_PARTS_REMEDY = "Run reconstructPar."
-# Of a case that is solved in parts: the folders of these.
-_PART = re.compile(r"processors?\d+(_\d+-\d+)?")
-# A time that holds no more than these has no flow.
-_MESH_FIELDS = frozenset((*CENTRES_FILES, "Cx", "Cy", "Cz", "ccx", "ccy", "ccz", "V"))
 
 
 # Frames of some times of a case. Of a mesh that stays, any C is that of all; one that moves needs C in each time.

@@ -44,6 +44,10 @@ from gslcosim_ros.types import MAP_FRAME, REMEDY, RosTypes, Vector, ros_types
 from gslcosim_services.recorder.stream_table import MIXING_RATIO, RESPONSE, TRUE_WIND
 
 Stamped = tuple[int, str, Any]
+# The last version of metadata that rosbag2 of Humble reads; from 9 on, profiles are lists with words.
+_BAG_VERSION = 8
+_TELL_EVERY = 2000
+Progress = Callable[[int], None]
 
 
 def export_bag(run: RunData, folder: Path, to: str, progress: Callable[[str], None]) -> list[Path]:
@@ -283,12 +287,6 @@ def _clouds(run: RunData, types: RosTypes) -> Iterator[TimedMessage]:
         time_ns = int(tick) * run.scenario.tick_ns
         message = make_filaments(types, time_ns, centres_m, sigmas_m)
         yield TimedMessage(time_ns=time_ns, topic="/truth/filaments", message=message)
-
-
-# The last version of metadata that rosbag2 of Humble reads; from 9 on, profiles are lists with words.
-_BAG_VERSION = 8
-_TELL_EVERY = 2000
-Progress = Callable[[int], None]
 
 
 def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, progress: Progress) -> None:

@@ -39,6 +39,12 @@ _UNKNOWN, _NOT_VALID = 0, 255
 _GAS_UNITS = {1: "v", 2: "amp", 3: "ppm", 4: "ppb", 5: "ohm", 6: "ppm_m", 100: "c", 101: "rh"}
 _GAS_SENSOR = "olfaction_msgs/msg/GasSensor"
 _GAS_SENSORS = "olfaction_msgs/msg/GasSensorArray"
+_NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64")
+_Message = Callable[[], Any]
+# Tools that repair what was cut off, by the kind.
+_REPAIRS = {".mcap": "`mcap recover`", ".bag": "`rosbag reindex`"}
+# Between the parts of a definition.
+_RULE = "=" * 80 + "\n"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +59,6 @@ def _xyz(vector: Any) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
 
 
-_NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64")
 _VALUES: dict[str, _Kind] = {
     _GAS_SENSOR: _Kind(values=lambda m: (m.raw,)),
     "olfaction_msgs/msg/Anemometer": _Kind(values=lambda m: (m.wind_speed, m.wind_direction), parts=("m/s", "rad")),
@@ -79,9 +84,6 @@ def _fold(kind: str) -> tuple[str, str]:
 
 
 _KINDS = {_fold(kind): kind for kind in (*_POSES, *_VALUES, _GAS_SENSORS)}
-
-
-_Message = Callable[[], Any]
 
 
 @dataclass
@@ -178,10 +180,6 @@ def _parts_of(topic: str, kind: str, message: _Message | None, path: Path) -> It
 
 def _return(message: Any) -> Any:
     return message
-
-
-# Tools that repair what was cut off, by the kind.
-_REPAIRS = {".mcap": "`mcap recover`", ".bag": "`rosbag reindex`"}
 
 
 def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Message | None]]:
@@ -286,10 +284,6 @@ def _check_chunks(file: BinaryIO) -> None:
             if max(sizes) > _MAX_CHUNK_BYTES:
                 raise ValueError(f"a chunk that unpacks to more than {_MAX_CHUNK_BYTES >> 20} MB")
     file.seek(0)
-
-
-# Between the parts of a definition.
-_RULE = "=" * 80 + "\n"
 
 
 # By the definition in the file: fields of one name differ between distributions.

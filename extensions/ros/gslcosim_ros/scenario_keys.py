@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _ROS_HOSTS = ("tcp/localhost", "tcp/127.0.0.1", "tcp/[::1]")
 _LAST_PORT = 65_535
+# Stands between a run and a node of ROS 2, as a program of its own.
+_AGENT_MODULE = "gslcosim_ros.live.agent"
 
 
 class RosGraphSpec(Spec):
@@ -53,10 +55,6 @@ class Ros2Spec(RosGraphSpec):
     clock_hz: Annotated[float, Field(ge=1, le=10_000)] = Field(
         default=100.0, description="messages on /clock per second of the wall clock, at most"
     )
-
-
-# Stands between a run and a node of ROS 2, as a program of its own.
-_AGENT_MODULE = "gslcosim_ros.live.agent"
 
 
 def _build_command(graph: RosGraphSpec, agent: "AgentSpec") -> list[str]:

@@ -39,6 +39,8 @@ _SERVICES = {
 }
 SIMULATE_STEPS = f"{PACKAGE}/action/SimulateSteps"
 _POINTS = "float64[] x\nfloat64[] y\nfloat64[] z"
+CATEGORY_ROBOT = 2
+FILTER_MODE_ALL = 1
 
 
 class Feature(IntEnum):
@@ -93,10 +95,6 @@ class BoundsType(IntEnum):
     BOX = 1
     CONVEX_HULL = 2
     SPHERE = 3
-
-
-CATEGORY_ROBOT = 2
-FILTER_MODE_ALL = 1
 
 
 def get_service_type(name: str) -> str:

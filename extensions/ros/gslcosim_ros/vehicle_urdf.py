@@ -14,6 +14,7 @@ _DARK, _LIGHT = "0.15 0.15 0.18 1", "0.55 0.6 0.65 0.8"
 # Discs of rotors are as thick as a tenth of their radius.
 _DISC_SHARE = 0.1
 _AXLE_RPY = (math.pi / 2, 0.0, 0.0)
+_Shape = tuple[str, dict[str, str]]
 
 
 def build_urdf(vehicle: Vehicle, link: str) -> str:
@@ -85,9 +86,6 @@ def _add_visuals(link: ElementTree.Element, vehicle: Vehicle) -> None:
     else:
         ball = ("sphere", {"radius": _format([vehicle.body.radius_m])})
         _add_shape(link, "visual", ball, np.zeros(3), colour=_LIGHT)
-
-
-_Shape = tuple[str, dict[str, str]]
 
 
 def _describe_box(half_m: NDArray[np.float64]) -> _Shape:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import Belief, Bounds, KnownMap, Observation
 from gslcosim.contract.record import NumericArray
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class CellGrid:
@@ -91,9 +93,6 @@ class CellGrid:
 
 def _counts(spans_m: Sequence[float], cell_m: float) -> tuple[int, ...]:
     return tuple(max(1, math.ceil(span_m / cell_m - 1e-9)) for span_m in spans_m)
-
-
-Array = NDArray[np.float64]
 
 
 def normalised(weights: Array) -> Array:

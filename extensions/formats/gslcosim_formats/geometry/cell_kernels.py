@@ -12,6 +12,8 @@ SHIFT = np.array((5.1e-4, 3.7e-4, 4.3e-4))
 
 # Bits of a cell: touched by a surface; border to the next cell along x, y, z touched; line to the next centre crossed.
 TOUCHED, BORDER, CROSSED = 1, 2, 16
+AIR, OTHER = 1, 2
+_NEW_AIR, _NEW_OTHER = 3, 4
 
 
 @numba.njit(cache=True, nogil=True)
@@ -249,10 +251,6 @@ def _root(roots, thing):
         roots[thing] = roots[roots[thing]]
         thing = roots[thing]
     return thing
-
-
-AIR, OTHER = 1, 2
-_NEW_AIR, _NEW_OTHER = 3, 4
 
 
 @numba.njit(cache=True, nogil=True)

@@ -24,6 +24,13 @@ Up = Literal["y", "z"]
 # What points up in a file; glTF's standard says y, the others have none, and their tools mostly z.
 DEFAULT_UP: dict[str, Up] = {".stl": "z", ".obj": "z", ".glb": "y", ".gltf": "y", ".xml": "z"}
 PART_RGBA = (0.62, 0.62, 0.64, 1.0)
+Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
+_N_AROUND = 32
+# Attributes that name a file, such as fileright of a texture, or a folder of them.
+_NAMED_FILE = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*("[^"]*"|'[^']*')""")
+_MAX_MODEL_BYTES = 64_000_000
+# Half the side of a plane that MuJoCo has without end [m].
+_PLANE_M = 50.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,16 +301,6 @@ def _placed(part: Part, scale: float, translate_m: tuple[float, float, float], *
 
 def _one_line(error: Exception) -> str:
     return (str(error) or type(error).__name__).splitlines()[0][:200]
-
-
-Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
-
-_N_AROUND = 32
-# Attributes that name a file, such as fileright of a texture, or a folder of them.
-_NAMED_FILE = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*("[^"]*"|'[^']*')""")
-_MAX_MODEL_BYTES = 64_000_000
-# Half the side of a plane that MuJoCo has without end [m].
-_PLANE_M = 50.0
 
 
 def load_mjcf_parts(path: Path) -> list[Part]:

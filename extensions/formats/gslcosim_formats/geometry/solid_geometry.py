@@ -54,6 +54,17 @@ _REACH = 1.6
 # How far outside the air's box an opening may lie: at the outer end of a hole in a wall. Chosen [m].
 _MOST_WALL_M = 1.0
 _AUTOMATIC = re.compile(r"^(inlet|outlet)", re.IGNORECASE)
+# Openings nearer than this are one: the slats of a grille, the two sides of a pane. Chosen [m].
+_LEAST_GAP_M = 0.2
+# A piece is flat if so much of its area lies across one axis; chosen.
+_FLAT_SHARE = 0.8
+GEOMETRY_PATH = "environment.geometry"
+# Cells around the geometry, so that what escapes can be seen outside of it.
+_MARGIN = 3
+# The boxes that close the grid from outside [m].
+_CLOSING_WALL_M = 0.2
+# Where air is looked for when there is no opening: points per axis of the geometry's box.
+_N_TRIES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,12 +203,6 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> GeometryOpening:
         path=path,
         velocity_m_s=opening.velocity_m_s,
     )
-
-
-# Openings nearer than this are one: the slats of a grille, the two sides of a pane. Chosen [m].
-_LEAST_GAP_M = 0.2
-# A piece is flat if so much of its area lies across one axis; chosen.
-_FLAT_SHARE = 0.8
 
 
 # A surface may close openings in several walls; each flat piece of it is one.
@@ -355,16 +360,6 @@ def _problem(plug: GeometryOpening, expected: str, found: str) -> Problem:
         found=found,
         remedy="Move the opening onto the wall of the air, or say with free_point_m where the air is.",
     )
-
-
-GEOMETRY_PATH = "environment.geometry"
-
-# Cells around the geometry, so that what escapes can be seen outside of it.
-_MARGIN = 3
-# The boxes that close the grid from outside [m].
-_CLOSING_WALL_M = 0.2
-# Where air is looked for when there is no opening: points per axis of the geometry's box.
-_N_TRIES = 5
 
 
 @dataclass(frozen=True, kw_only=True)

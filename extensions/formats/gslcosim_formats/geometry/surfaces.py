@@ -25,6 +25,9 @@ from gslcosim_formats.geometry.mesh_formats import Part
 
 # Corners closer than this are one: coordinates of files have single precision [m].
 SAME_M = 1e-5
+Cells = NDArray[np.bool_]
+MAX_SHOWN = 3
+_MOST_STEPS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,9 +143,6 @@ def _bodies_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.
     n_triangles = np.diff(starts, append=len(order))
     closed[owners[order[starts[n_triangles != 2]]]] = False
     return body.astype(np.int32), closed
-
-
-Cells = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,10 +322,6 @@ def _cells_of(low: float, high: float, n: int) -> slice:
         first = int(np.floor((low + high) / 2))
         last = first + 1
     return slice(min(max(first, 0), n), min(max(last, 0), n))
-
-
-MAX_SHOWN = 3
-_MOST_STEPS = 200
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,76 @@ from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT, inlet_turbulence, sta
 Int = NDArray[np.int64]
 
 WALLS = "walls"
+Entries = Mapping[str, Any]
+Condition = Mapping[str, Any]
+Level = Mapping[str, float]  # k and epsilon
+_ZERO_GRADIENT = {"type": "zeroGradient"}
+_CALCULATED = {"type": "calculated", "value": "uniform 0"}
+_SLIP = {"type": "slip"}
+_DIMENSIONS = {
+    "U": "[0 1 -1 0 0 0 0]",
+    "p": "[0 2 -2 0 0 0 0]",
+    "k": "[0 2 -2 0 0 0 0]",
+    "epsilon": "[0 2 -3 0 0 0 0]",
+    "nut": "[0 2 -1 0 0 0 0]",
+}
+_FIELDS = {
+    "k_epsilon": ("U", "p", "k", "epsilon", "nut"),
+    "rng_k_epsilon": ("U", "p", "k", "epsilon", "nut"),
+    "smagorinsky": ("U", "p", "nut"),
+    "laminar": ("U", "p"),
+}
+COURANT = 1.0  # AutoGDM+'s
+FIRST_STEP_S = 1e-4  # AutoGDM+'s; the Courant number decides from the second step on
+# The built-in model's constant in OpenFOAM's: C^2 = C_k sqrt(C_k / C_e), with OpenFOAM's C_e.
+_C_E = 1.048
+_C_K = (SMAGORINSKY_CONSTANT**4 * _C_E) ** (1 / 3)
+_KINDS = (Inlet, Outlet, MovingWall, SlipWall)
+_SIMULATION = {
+    "k_epsilon": {"simulationType": "RAS", "RAS": {"RASModel": "kEpsilon", "turbulence": "on", "printCoeffs": "on"}},
+    "rng_k_epsilon": {
+        "simulationType": "RAS",
+        "RAS": {"RASModel": "RNGkEpsilon", "turbulence": "on", "printCoeffs": "on"},
+    },
+    "smagorinsky": {
+        "simulationType": "LES",
+        "LES": {
+            "LESModel": "Smagorinsky",
+            "turbulence": "on",
+            "printCoeffs": "on",
+            "delta": "cubeRootVol",
+            "cubeRootVolCoeffs": {"deltaCoeff": 1},
+            "SmagorinskyCoeffs": {"Ck": _C_K, "Ce": _C_E},
+        },
+    },
+    "laminar": {"simulationType": "laminar"},
+}
+_SCHEMES = {
+    "ddtSchemes": {"default": "Euler"},
+    "gradSchemes": {"default": "Gauss linear"},
+    "divSchemes": {
+        "default": "none",
+        "div(phi,U)": "Gauss linearUpwind grad(U)",
+        "div(phi,k)": "Gauss limitedLinear 1",
+        "div(phi,epsilon)": "Gauss limitedLinear 1",
+        "div((nuEff*dev2(T(grad(U)))))": "Gauss linear",
+    },
+    "laplacianSchemes": {"default": "Gauss linear corrected"},
+    "interpolationSchemes": {"default": "linear"},
+    "snGradSchemes": {"default": "corrected"},
+}
+_PRESSURE = {"solver": "GAMG", "smoother": "DICGaussSeidel", "tolerance": 1e-6, "relTol": 0.01}
+_TRANSPORT = {"solver": "smoothSolver", "smoother": "symGaussSeidel", "tolerance": 1e-6, "relTol": 0.1}
+_SOLUTION = {
+    "solvers": {
+        "p": _PRESSURE,
+        "pFinal": {**_PRESSURE, "relTol": 0},
+        '"(U|k|epsilon)"': _TRANSPORT,
+        '"(U|k|epsilon)Final"': {**_TRANSPORT, "relTol": 0},
+    },
+    # One outer loop: pimpleFoam is then PISO.
+    "PIMPLE": {"nOuterCorrectors": 1, "nCorrectors": 2, "nNonOrthogonalCorrectors": 0},
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +221,6 @@ def _name_of(number: int, placed: PlacedPatch | None) -> str:
     return WALLS if placed is None else f"{type(placed.patch).__name__.lower()}_{number}"
 
 
-Entries = Mapping[str, Any]
-
-
 def write_dictionary(path: Path, entries: Entries, *, of_class: str = "dictionary") -> None:
     """Write entries as an OpenFOAM dictionary; a mapping in them becomes a dictionary of its own.
 
@@ -210,28 +277,6 @@ def _text(value: Any) -> str:
     if isinstance(value, tuple):
         return f"({' '.join(_text(item) for item in value)})"
     return repr(value) if isinstance(value, float) else str(value)
-
-
-Condition = Mapping[str, Any]
-Level = Mapping[str, float]  # k and epsilon
-
-_ZERO_GRADIENT = {"type": "zeroGradient"}
-_CALCULATED = {"type": "calculated", "value": "uniform 0"}
-_SLIP = {"type": "slip"}
-
-_DIMENSIONS = {
-    "U": "[0 1 -1 0 0 0 0]",
-    "p": "[0 2 -2 0 0 0 0]",
-    "k": "[0 2 -2 0 0 0 0]",
-    "epsilon": "[0 2 -3 0 0 0 0]",
-    "nut": "[0 2 -1 0 0 0 0]",
-}
-_FIELDS = {
-    "k_epsilon": ("U", "p", "k", "epsilon", "nut"),
-    "rng_k_epsilon": ("U", "p", "k", "epsilon", "nut"),
-    "smagorinsky": ("U", "p", "nut"),
-    "laminar": ("U", "p"),
-}
 
 
 def build_fields(domain: Domain, boundaries: tuple[Boundary, ...], turbulence: str) -> dict[str, dict[str, Any]]:
@@ -321,64 +366,6 @@ def _fixed_each(velocities_m_s: F32) -> Condition:
 
 def _vector(components: Iterable[float]) -> str:
     return f"({' '.join(f'{component:.9g}' for component in components)})"
-
-
-COURANT = 1.0  # AutoGDM+'s
-FIRST_STEP_S = 1e-4  # AutoGDM+'s; the Courant number decides from the second step on
-
-# The built-in model's constant in OpenFOAM's: C^2 = C_k sqrt(C_k / C_e), with OpenFOAM's C_e.
-_C_E = 1.048
-_C_K = (SMAGORINSKY_CONSTANT**4 * _C_E) ** (1 / 3)
-
-_KINDS = (Inlet, Outlet, MovingWall, SlipWall)
-
-_SIMULATION = {
-    "k_epsilon": {"simulationType": "RAS", "RAS": {"RASModel": "kEpsilon", "turbulence": "on", "printCoeffs": "on"}},
-    "rng_k_epsilon": {
-        "simulationType": "RAS",
-        "RAS": {"RASModel": "RNGkEpsilon", "turbulence": "on", "printCoeffs": "on"},
-    },
-    "smagorinsky": {
-        "simulationType": "LES",
-        "LES": {
-            "LESModel": "Smagorinsky",
-            "turbulence": "on",
-            "printCoeffs": "on",
-            "delta": "cubeRootVol",
-            "cubeRootVolCoeffs": {"deltaCoeff": 1},
-            "SmagorinskyCoeffs": {"Ck": _C_K, "Ce": _C_E},
-        },
-    },
-    "laminar": {"simulationType": "laminar"},
-}
-
-_SCHEMES = {
-    "ddtSchemes": {"default": "Euler"},
-    "gradSchemes": {"default": "Gauss linear"},
-    "divSchemes": {
-        "default": "none",
-        "div(phi,U)": "Gauss linearUpwind grad(U)",
-        "div(phi,k)": "Gauss limitedLinear 1",
-        "div(phi,epsilon)": "Gauss limitedLinear 1",
-        "div((nuEff*dev2(T(grad(U)))))": "Gauss linear",
-    },
-    "laplacianSchemes": {"default": "Gauss linear corrected"},
-    "interpolationSchemes": {"default": "linear"},
-    "snGradSchemes": {"default": "corrected"},
-}
-
-_PRESSURE = {"solver": "GAMG", "smoother": "DICGaussSeidel", "tolerance": 1e-6, "relTol": 0.01}
-_TRANSPORT = {"solver": "smoothSolver", "smoother": "symGaussSeidel", "tolerance": 1e-6, "relTol": 0.1}
-_SOLUTION = {
-    "solvers": {
-        "p": _PRESSURE,
-        "pFinal": {**_PRESSURE, "relTol": 0},
-        '"(U|k|epsilon)"': _TRANSPORT,
-        '"(U|k|epsilon)Final"': {**_TRANSPORT, "relTol": 0},
-    },
-    # One outer loop: pimpleFoam is then PISO.
-    "PIMPLE": {"nOuterCorrectors": 1, "nCorrectors": 2, "nNonOrthogonalCorrectors": 0},
-}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,6 +37,9 @@ _MPI = {
     "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
     "OMPI_MCA_plm_rsh_agent": "",
 }
+_FIELD_TYPE = NDArray[np.float32]
+_TIME = re.compile(r"^Time = ([0-9.eE+-]+)s?$")
+_N_LAST_LINES = 15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +110,6 @@ def _environment_of(project_dir: Path) -> dict[str, str]:
     return dict(pairs)  # pyright: ignore[reportArgumentType]
 
 
-_FIELD_TYPE = NDArray[np.float32]
-
-
 def read_wind(case: FoamCase) -> _FIELD_TYPE:
     """Return the wind of a case that has been run, (nx, ny, nz, 3) at cell centres [m/s], zero in solids."""
     cells = np.full((case.mesh.n_cells, 3), np.nan)
@@ -163,10 +163,6 @@ def _read_numbers(path: Path, opening: str, dtype: type, *, width: int = 1) -> N
     if numbers.size != n * width:
         raise FlowError(f"{path}: expected {n * width} numbers, found {numbers.size}.")
     return numbers if width == 1 else numbers.reshape(n, width)
-
-
-_TIME = re.compile(r"^Time = ([0-9.eE+-]+)s?$")
-_N_LAST_LINES = 15
 
 
 def run_case(case: FoamCase, installation: Installation, *, on_time: Callable[[float], None]) -> None:

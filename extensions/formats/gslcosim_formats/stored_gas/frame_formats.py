@@ -43,6 +43,23 @@ MAX_EXTENT_M = 1e5
 MAX_CENTRE_PPM = 1.001e6
 # Air from 3,000 m up to a pressure chamber, from frost to a furnace [mol/cm3]; at 298 K and 1 atm it is 4.09e-5.
 AIR_RANGE_MOL_CM3 = (4e-6, 4e-4)
+GADEN_HEADER = b"GADEN_RESULT\0"
+MAX_FRAME_BYTES = 1 << 30
+_DOUBLE_RECORD = np.dtype([("id", "<i4"), ("position", "<f8", 3), ("sigma", "<f8")])
+_FLOAT_RECORD = np.dtype([("id", "<i4"), ("position", "<f4", 3), ("sigma", "<f4")])
+_ACTIVE_RECORD = np.dtype([("position", "<f4", 3), ("sigma", "<f4"), ("active", "u1"), ("padding", "u1", 3)])
+_SHAPE_FLOATS = {"point": 0, "box": 3, "line": 3, "sphere": 1, "cylinder": 2}
+# Results lie a few folders below their scenario.
+MAX_PARENT_FOLDERS = 4
+_RECORD_KINDS = {"pose_x": "f", "pose_y": "f", "pose_z": "f", "sigma": "f"}
+_HEAD_KINDS = {
+    **{f"env_{end}_{axis}": "f" for end in ("min", "max") for axis in "xyz"},
+    **{f"env_cells_{axis}": "iu" for axis in "xyz"},
+    **{f"{name}_{axis}": "f" for name in ("cell_size", "gas_source_pos") for axis in "xyz"},
+    "gas_type": "iu",
+    "filament_num_moles_of_gas": "f",
+    "num_moles_all_gases_in_cm3": "f",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,15 +176,6 @@ def find_gas_by_code(path: Path, code: int) -> str:
     if code not in names:
         raise EnvironmentDataError(f"gas frame: expected a gas code from 0 to {max(names)}, was {code}. File: {path}")
     return names[code]
-
-
-GADEN_HEADER = b"GADEN_RESULT\0"
-MAX_FRAME_BYTES = 1 << 30
-
-_DOUBLE_RECORD = np.dtype([("id", "<i4"), ("position", "<f8", 3), ("sigma", "<f8")])
-_FLOAT_RECORD = np.dtype([("id", "<i4"), ("position", "<f4", 3), ("sigma", "<f4")])
-_ACTIVE_RECORD = np.dtype([("position", "<f4", 3), ("sigma", "<f4"), ("active", "u1"), ("padding", "u1", 3)])
-_SHAPE_FLOATS = {"point": 0, "box": 3, "line": 3, "sphere": 1, "cylinder": 2}
 
 
 @dataclass(kw_only=True)
@@ -378,10 +386,6 @@ def _error(path: Path, expected: str, found: str) -> EnvironmentDataError:
     return EnvironmentDataError(f"gas frame: expected {expected}, was {found}. File: {path}")
 
 
-# Results lie a few folders below their scenario.
-MAX_PARENT_FOLDERS = 4
-
-
 def find_occupancy(folder: Path) -> Path | None:
     """Return the nearest `OccupancyGrid3D.csv` in a folder or the few above it, if there is one."""
     above = folder.resolve()
@@ -395,17 +399,6 @@ def read_walls(path: Path) -> Walls:
     """Return the walls that an `OccupancyGrid3D.csv` describes."""
     grid, occupancy = read_occupancy(path)
     return Walls.of_occupancy(occupancy, grid)
-
-
-_RECORD_KINDS = {"pose_x": "f", "pose_y": "f", "pose_z": "f", "sigma": "f"}
-_HEAD_KINDS = {
-    **{f"env_{end}_{axis}": "f" for end in ("min", "max") for axis in "xyz"},
-    **{f"env_cells_{axis}": "iu" for axis in "xyz"},
-    **{f"{name}_{axis}": "f" for name in ("cell_size", "gas_source_pos") for axis in "xyz"},
-    "gas_type": "iu",
-    "filament_num_moles_of_gas": "f",
-    "num_moles_all_gases_in_cm3": "f",
-}
 
 
 def read_gsl_bench_frame(filaments_path: Path) -> GasFrame:

@@ -24,6 +24,9 @@ from gslcosim_services.fields.mixing_ratio import Walls, check_points, mixing_ra
 from gslcosim_services.fields.models.formula_fields import TimedField
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
+# Heads of stored frames name a source to a few decimetres (GSL-Bench's 004 and 006 are 0.2 m off).
+_SOURCE_TOLERANCE_M = 1.0
+
 
 class PlaybackSpec(Spec):
     """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`), which has its own times.
@@ -139,10 +142,6 @@ class PlaybackField(TimedField):
 
     def _frame(self) -> GasFrame | None:
         return self._stored.frame_at(self.time_s)
-
-
-# Heads of stored frames name a source to a few decimetres (GSL-Bench's 004 and 006 are 0.2 m off).
-_SOURCE_TOLERANCE_M = 1.0
 
 
 @build_gas_field_from_block.register

@@ -33,6 +33,9 @@ GADEN_PERIOD_S = 0.5
 
 _GADEN_NAME = re.compile(r"iteration_(\d+)")
 _GSL_BENCH_NAME = re.compile(r"iteration_(\d+)_fil\.npy")
+MOVIE_SUFFIX = ".npz"
+_MAX_MOVIE_BYTES = 16 << 30
+_MOVIE_ARRAYS = ("time_s", "mixing_ratio_ppm", "origin_m", "cell_m")
 
 
 class GasPlayback:
@@ -196,11 +199,6 @@ def _find_frames(folder: Path) -> dict[int, Path]:
 
 def _span(numbers: NDArray[np.int64]) -> str:
     return f"{numbers[0]} to {numbers[-1]} ({len(numbers)} frames)"
-
-
-MOVIE_SUFFIX = ".npz"
-_MAX_MOVIE_BYTES = 16 << 30
-_MOVIE_ARRAYS = ("time_s", "mixing_ratio_ppm", "origin_m", "cell_m")
 
 
 class GasMovie:

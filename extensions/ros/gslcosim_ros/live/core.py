@@ -40,6 +40,7 @@ from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 NODE_NAME = "gslcosim"
 _TRACK_PERIOD_NS = NS_PER_S
+Publish = Callable[..., None]
 
 
 class Ros2Core:
@@ -204,9 +205,6 @@ class Ros2Core:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a snapshot, of which it needs nothing."""
-
-
-Publish = Callable[..., None]
 
 
 class _AgentTopics:

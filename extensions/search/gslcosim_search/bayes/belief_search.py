@@ -34,6 +34,10 @@ Array = NDArray[np.float64]
 Point = tuple[float, float]
 # The last bits of a Fourier transform decide nothing: places that are equally good tie on every machine.
 _DIGITS = 9
+# Plans are made on cells no finer than this: finer ones cost time and change no leg.
+PLAN_CELL_M = 0.5
+# The wind of a surge is the mean of about this long.
+_SURGE_WIND_S = 3.0
 
 
 def mass_around(p: Array, reach_cells: int) -> Array:
@@ -167,12 +171,6 @@ def _binary_entropy_bits(chance: Array) -> Array:
     safe = np.clip(chance, 1e-300, 1.0)
     rest = np.clip(1.0 - chance, 1e-300, 1.0)
     return -(safe * np.log2(safe) + rest * np.log2(rest))
-
-
-# Plans are made on cells no finer than this: finer ones cost time and change no leg.
-PLAN_CELL_M = 0.5
-# The wind of a surge is the mean of about this long.
-_SURGE_WIND_S = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,15 @@ _N_SERIES = 12
 _NEVER = -40.0
 # Terms of a tail of Poisson's law below a mean of 1: the next one is below 1e-19.
 _N_TAIL = 20
+Array = NDArray[np.float64]
+# The mean in the plane divides by ln(lambda / a): kept away from zero where particles reach no farther than the nose.
+_LEAST_RATIO = 2.0
+# Slower air counts as moving by this much where something is divided by its speed.
+_LEAST_SPEED_M_S = 0.02
+# Puffs that do not grow never fade; nor does gas live longer than a long search.
+_LONGEST_LIFE_S = 1000.0
+# An emission is stated by what it causes at this distance, straight downwind.
+REFERENCE_M = 1.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -240,18 +249,6 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
                     log_w = power[i] * math.log(value)
                     log_weight[i, h, j] = log_w
                     weight[i, h, j] = value if power[i] == 1.0 else math.exp(log_w)
-
-
-Array = NDArray[np.float64]
-
-# The mean in the plane divides by ln(lambda / a): kept away from zero where particles reach no farther than the nose.
-_LEAST_RATIO = 2.0
-# Slower air counts as moving by this much where something is divided by its speed.
-_LEAST_SPEED_M_S = 0.02
-# Puffs that do not grow never fade; nor does gas live longer than a long search.
-_LONGEST_LIFE_S = 1000.0
-# An emission is stated by what it causes at this distance, straight downwind.
-REFERENCE_M = 1.0
 
 
 def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: float) -> float:

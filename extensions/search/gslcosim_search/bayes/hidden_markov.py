@@ -21,6 +21,10 @@ STAY = 4
 NOWHERE = -1
 # Below this a chance is rounding: the cell is left out.
 LEAST_CHANCE = 1e-12
+Array = NDArray[np.float64]
+Cell = tuple[int, int]
+# A hop of more than this part of a cell leaves too little room for the spread.
+_LONGEST_HOP = 0.7
 
 
 @numba.njit(cache=True)
@@ -215,12 +219,6 @@ def best_back(chances, is_solid, last, n_steps):
         log_scale[m] += np.log(highest)
         best[m, low_i:high_i, low_j:high_j] /= highest
     return best, hop, log_scale
-
-
-Array = NDArray[np.float64]
-Cell = tuple[int, int]
-# A hop of more than this part of a cell leaves too little room for the spread.
-_LONGEST_HOP = 0.7
 
 
 def count_hops_per_step(step_s: float, fastest_m_s: float, cell_m: float, spread_m_sqrt_s: float) -> int:

@@ -20,6 +20,9 @@ from gslcosim_search.beliefs import CellGrid, normalised, normalised_from_log
 # Beyond this exponent, 2e-9, a puff changes no weight that matters.
 FARTHEST_EXPONENT = 20.0
 LEAST_PRODUCT = 1e-300
+Array = NDArray[np.float64]
+# A detection that no particle explains keeps them all: ln of a share that is as good as none.
+_LEAST_LOG = -700.0
 
 
 @numba.njit(cache=True)
@@ -94,11 +97,6 @@ def systematic_indices(weight, offset):
             total += weight[i]
         index[k] = i
     return index
-
-
-Array = NDArray[np.float64]
-# A detection that no particle explains keeps them all: ln of a share that is as good as none.
-_LEAST_LOG = -700.0
 
 
 def wind_spread_m_sqrt_s(winds_m_s: Array, step_s: float, least_m_sqrt_s: float) -> Array:

@@ -22,6 +22,7 @@ from gslcosim_search.senses.wind_field import WindField, WindRecord
 REACH_SIGMAS = 8.0
 # A product of many small factors must stay a number whose logarithm there is.
 LEAST_PRODUCT = 1e-300
+Array = NDArray[np.float64]
 
 
 @numba.njit(cache=True)
@@ -140,9 +141,6 @@ def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
         x_m = sensor_m[0] - displacement_m[step + 1, 0]
         y_m = sensor_m[1] - displacement_m[step + 1, 1]
     return displacement_m
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

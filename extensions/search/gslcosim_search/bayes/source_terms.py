@@ -28,6 +28,12 @@ NORMAL, LOG_NORMAL = range(2)
 LEAST_LOG = -700.0
 LEAST_AMOUNT = 1e-300
 _LOG_SQRT_2_PI = 0.9189385332046727
+Array = NDArray[np.float64]
+# The source terms in the order of the columns.
+TERMS = ("x_m", "y_m", "z_m", "rate", "speed", "direction_rad", "diffusivity_m2_s", "lifetime_s")
+_POSITIVE = ("rate", "speed", "diffusivity_m2_s", "lifetime_s")
+_ROUNDING = 1e-12
+_LOG_REJECTED = math.log(0.01)
 
 
 @numba.njit(cache=True)
@@ -241,14 +247,6 @@ def _divergence_bits(log_weight):
         total += weight
         mean += weight * (log_weight[i] - highest)
     return max(0.0, (mean / total - math.log(total) + math.log(n)) / math.log(2.0))
-
-
-Array = NDArray[np.float64]
-# The source terms in the order of the columns.
-TERMS = ("x_m", "y_m", "z_m", "rate", "speed", "direction_rad", "diffusivity_m2_s", "lifetime_s")
-_POSITIVE = ("rate", "speed", "diffusivity_m2_s", "lifetime_s")
-_ROUNDING = 1e-12
-_LOG_REJECTED = math.log(0.01)
 
 
 @dataclass(frozen=True, kw_only=True)

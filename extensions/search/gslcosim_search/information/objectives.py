@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 PROBABILITY, ENTROPY_BITS, GAIN_BITS, MANHATTAN_M, SQUARE_M2, VARIANCE_M2, RENYI_BITS = range(7)
 N_FIGURES = 7
 _PER_LN_2 = 1.0 / math.log(2.0)
+Array = NDArray[np.float64]
+# Costs closer together than this are equal; the first one is taken, on any machine.
+SAME_COST = 1e-10
 
 
 @numba.njit(cache=True, nogil=True)
@@ -160,12 +163,6 @@ def posterior_into(p, log_p, weight, log_weight, posterior, log_posterior):
         posterior[j] /= z
         log_posterior[j] = log_p[j] + log_weight[j] - log_z if posterior[j] > 0.0 else 0.0
     return z
-
-
-Array = NDArray[np.float64]
-
-# Costs closer together than this are equal; the first one is taken, on any machine.
-SAME_COST = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

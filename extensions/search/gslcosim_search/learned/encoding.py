@@ -31,6 +31,14 @@ _FIELD_UT = 50.0
 _HITS = 3.0
 
 _AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
+# How far waypoints keep from the walls of the room.
+MARGIN_M = 0.5
+N_HEADINGS = 8
+# In which frame the numbers of an action are: along world x and y, or upwind and to its left.
+WORLD, WIND = "world", "wind"
+FRAMES = (WORLD, WIND)
+_TURNED_KINDS = ("velocity", "velocity_3d", "waypoint", "waypoint_3d")
+_SHIELDED_KINDS = ("velocity", "velocity_3d")
 
 
 @dataclass(frozen=True)
@@ -250,11 +258,6 @@ def _n_ranges(sensor: SensorDescription) -> int:
     return min(shape[1], N_SECTORS) if len(shape) == 3 else shape[0]
 
 
-# How far waypoints keep from the walls of the room.
-MARGIN_M = 0.5
-N_HEADINGS = 8
-
-
 class ActionKind(ABC):
     """Kind of actions, and how they become commands.
 
@@ -364,12 +367,6 @@ ACTIONS: dict[str, Callable[..., ActionKind]] = {
 }
 
 
-# In which frame the numbers of an action are: along world x and y, or upwind and to its left.
-WORLD, WIND = "world", "wind"
-FRAMES = (WORLD, WIND)
-_TURNED_KINDS = ("velocity", "velocity_3d", "waypoint", "waypoint_3d")
-
-
 def find_frame_problem(kind: str, frame: object) -> str | None:
     """Return what is wrong with the frame of a kind of actions, as a sentence without its place; nothing if it fits."""
     if frame not in FRAMES:
@@ -377,9 +374,6 @@ def find_frame_problem(kind: str, frame: object) -> str | None:
     if frame == WIND and kind not in _TURNED_KINDS:
         return f"expected {WORLD} for {kind}, was {frame}. Take {', '.join(_TURNED_KINDS)}, or leave it out."
     return None
-
-
-_SHIELDED_KINDS = ("velocity", "velocity_3d")
 
 
 def find_shield_problem(kind: str, shield_m: object) -> str | None:

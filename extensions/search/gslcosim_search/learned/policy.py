@@ -18,6 +18,9 @@ Floats = NDArray[np.floating[Any]]
 Actions = NDArray[Any]
 
 _KINDS_WITH_CHOICES = ("heading",)
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_30, _27, _31, _11 = (np.uint64(n) for n in (30, 27, 31, 11))
 
 
 class PolicyError(MethodError):
@@ -174,11 +177,6 @@ def _checked(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int | N
     if not np.isfinite(found).all():
         raise PolicyError(f"{name}: expected finite numbers, was {int((~np.isfinite(found)).sum())} that are not.")
     return found
-
-
-_STEP = np.uint64(0x9E3779B97F4A7C15)
-_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
-_30, _27, _31, _11 = (np.uint64(n) for n in (30, 27, 31, 11))
 
 
 def normal_numbers(observations: Floats, n: int) -> NDArray[np.float32]:

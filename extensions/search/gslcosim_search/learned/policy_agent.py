@@ -14,6 +14,9 @@ from gslcosim_search.learned.policy_files import load_policy
 from gslcosim_search.learned.shield import VelocityShield
 from gslcosim_search.learned.wind_frame import asks_wind_frame
 
+# The file of a policy that is an agent of its own, beside its program.
+POLICY_FILE = "policy.npz"
+
 
 def match_observations(policy: Policy, offered: Sequence[str]) -> list[int]:
     """Return the place of each observation of a policy among those that an agent has.
@@ -45,10 +48,6 @@ def _place_of(name: str, offered: Sequence[str]) -> int | None:
     _, dot, number = name.rpartition(".")
     like = [i for i, other in enumerate(offered) if other.rpartition(".")[1:] == (dot, number)]
     return like[0] if dot and len(like) == 1 else None
-
-
-# The file of a policy that is an agent of its own, beside its program.
-POLICY_FILE = "policy.npz"
 
 
 class PolicyRunner:

@@ -23,6 +23,8 @@ CARD = "card"
 # What `gslcosim` writes itself; all else of a card says how the policy came to be.
 OWN_KEYS = ("schema", "kind", "observation_names", "action", "settings")
 KINDS: dict[str, type[ArrayPolicy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
+PARAMETERS_FILE = "parameters.json"
+PARAMETERS_SCHEMA = "gslcosim/parameters/1"
 
 
 def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> None:
@@ -137,10 +139,6 @@ def _policy_of(card: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> P
         raise PolicyError(f"{CARD}.settings: expected a map, was {settings!r}.")
     names, action = read_observation_names(card), ActionSettings.of(card.get("action"))
     return KINDS[kind].of_arrays(names, action, arrays, settings)
-
-
-PARAMETERS_FILE = "parameters.json"
-PARAMETERS_SCHEMA = "gslcosim/parameters/1"
 
 
 def save_parameters(

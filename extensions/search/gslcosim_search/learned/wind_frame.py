@@ -48,6 +48,8 @@ N_STATE = 12
 # Where it finds what it looks at, among the numbers of an observation.
 _X, _Y, _VX, _VY, _TIME, _GAS, _WIND_0, _WIND_1, _WIND_2 = range(9)
 _ABSENT = -1
+# Where that direction stands in a state.
+UPWIND = slice(_UPWIND_X, _UPWIND_Y + 1)
 
 
 @scalar_kernel
@@ -148,10 +150,6 @@ def advance_wind_frame(
 def upwind_of(state: Sequence[float]) -> tuple[float, float]:
     """Return the direction that the wind comes from: a unit vector, world frame."""
     return float(state[_UPWIND_X]), float(state[_UPWIND_Y])
-
-
-# Where that direction stands in a state.
-UPWIND = slice(_UPWIND_X, _UPWIND_Y + 1)
 
 
 def find_columns(names: Sequence[str]) -> tuple[int, ...]:

@@ -23,6 +23,10 @@ from gslcosim_search.motion.grid_paths import STEP_UNITS, Free
 _WINDOW_UNITS = 3 * STEP_UNITS[1]
 # Paths that differ by less than a tenth of a cell count as equally long.
 _TIE_UNITS = STEP_UNITS[1] // 10
+Array = NDArray[np.float64]
+_NO_DIRECTION = math.nan
+# Logarithms of probabilities closer than this are those of equal ones, rounded.
+_EQUAL = 1e-9
 
 
 @numba.njit(cache=True, nogil=True)
@@ -132,12 +136,6 @@ def _divergence(q, p):
     if q < 1.0 and p < 1.0:
         total += (1.0 - q) * math.log((1.0 - q) / (1.0 - p))
     return total
-
-
-Array = NDArray[np.float64]
-_NO_DIRECTION = math.nan
-# Logarithms of probabilities closer than this are those of equal ones, rounded.
-_EQUAL = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)

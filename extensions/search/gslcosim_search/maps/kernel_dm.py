@@ -24,6 +24,8 @@ from gslcosim_search.senses.instruments import Nose, Vane
 
 # Farther than so many standard deviations a kernel counts as 0: its weight is below 1e-12.
 _REACH = 7.5
+Array = NDArray[np.float64]
+_ROUNDING_S = 1e-6
 
 
 @numba.njit(cache=True, nogil=True)
@@ -81,9 +83,6 @@ def spread_readings(shape, origin_m, cell_m, place_m, values, wind_m_s, share, s
                     omega[i, j, k] += weight
                     weighted[i, j, k] += weight * values[n]
     return omega, weighted
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,9 +199,6 @@ def warm_up() -> None:
     gas = KernelMap(CellGrid((0.0, 0.0), 1.0, (2, 2)))
     gas.add((1.0, 1.0), 1.0)
     gas.maps()
-
-
-_ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)

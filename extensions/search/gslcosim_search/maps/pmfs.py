@@ -28,6 +28,19 @@ from gslcosim_search.motion.grid_paths import (
 )
 from gslcosim_search.random_stream import RandomStream
 
+Array = NDArray[np.float64]
+_TIE_UNITS = UNITS_PER_CELL // 10
+# Cells of the window that are looked at directly, to each side.
+_WINDOW = 2
+_ROOT_2_PI = math.sqrt(2.0 * math.pi)
+# So many factors of a score, each at least 0.01, are multiplied before a logarithm is taken.
+_FACTORS_TOGETHER = 16
+_LEAST_P, _MOST_P = 0.001, 0.999
+# Sources are never ruled out by one cell alone.
+_LEAST_FACTOR = 0.01
+# Beyond so many cells exp(-distance) is nothing.
+_VIEW_CELLS = 10.0
+
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _bernoulli(x):
@@ -87,9 +100,6 @@ def transport_band(numbers, n_free, width, wind_m_s, diffusivity_m2_s, loss_per_
                 band[there, width] += coming
                 band[there, width + here - there] -= leaving
     return band
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,14 +167,6 @@ def _numbered(free: Free) -> NDArray[np.int64]:
     numbers = np.full(free.shape, -1, np.int64)
     numbers[free] = np.arange(int(free.sum()))
     return numbers
-
-
-_TIE_UNITS = UNITS_PER_CELL // 10
-# Cells of the window that are looked at directly, to each side.
-_WINDOW = 2
-_ROOT_2_PI = math.sqrt(2.0 * math.pi)
-# So many factors of a score, each at least 0.01, are multiplied before a logarithm is taken.
-_FACTORS_TOGETHER = 16
 
 
 @numba.njit(cache=True, nogil=True)
@@ -304,13 +306,6 @@ def disagreement(shares, p):
         for s in range(shares.shape[1]):
             variance[m] += p[s] * (shares[m, s] - mean) ** 2
     return variance
-
-
-_LEAST_P, _MOST_P = 0.001, 0.999
-# Sources are never ruled out by one cell alone.
-_LEAST_FACTOR = 0.01
-# Beyond so many cells exp(-distance) is nothing.
-_VIEW_CELLS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,13 @@ from numpy.typing import NDArray
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.grid_paths import Free, nearest_free
 
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+# Central differences, and half as much of those across the diagonals: what each neighbour's x and y count.
+_ACROSS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
+# An equation kind: the unknowns of each row, (n, k) with -1 for the zeros of solid cells, their factors, a weight.
+_Equations = tuple[Index, tuple[float, ...], float]
+
 
 @numba.njit(cache=True, nogil=True)
 def factorise_cholesky_inplace(band):
@@ -160,12 +167,6 @@ def add_rows_inplace(total, factors, rows):
         factor = factors[r]
         for i in range(rows.shape[1]):
             total[i] += factor * rows[r, i]
-
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-# Central differences, and half as much of those across the diagonals: what each neighbour's x and y count.
-_ACROSS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,10 +323,6 @@ def _prior_matrix(free: Free, numbers: Index, weights: WindWeights, edges: str) 
 def _spread(columns: Index) -> int:
     least = np.where(columns < 0, columns.max(), columns).min(axis=1)
     return max(0, int((columns.max(axis=1) - least).max()))
-
-
-# An equation kind: the unknowns of each row, (n, k) with -1 for the zeros of solid cells, their factors, a weight.
-_Equations = tuple[Index, tuple[float, ...], float]
 
 
 def _smoothness(numbers: Index, weight: float) -> list[_Equations]:

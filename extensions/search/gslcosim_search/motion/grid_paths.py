@@ -30,6 +30,8 @@ NOT_REACHED = -1
 _BLOCKED = False
 _RING = 708  # more than the longest step, so that no two lengths that wait at one time share a bucket
 _TOGETHER = 1e-9
+Free = NDArray[np.bool_]
+Point = Sequence[float] | NDArray[np.floating[Any]]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -242,10 +244,6 @@ def shorten_path(points, free):
         (m, 3) first point, bends, last point [cells].
     """
     return keep_bends(points, _is_leg_free, free)
-
-
-Free = NDArray[np.bool_]
-Point = Sequence[float] | NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

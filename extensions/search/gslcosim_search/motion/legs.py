@@ -25,6 +25,10 @@ _SAME_END_M = 0.02
 _BACK_OFF_M = 0.1
 # By how much and how often a refused leg is made shorter.
 _SHORTEN_M, _N_SHORTEN = 0.05, 10
+# To the left and the right of the way that is blocked, ever farther [rad]: 45 and 90 degrees.
+_EIGHTH_TURN_RAD = 0.7853981633974483
+# A cut leg shorter than this is not worth to be flown.
+_LEAST_LEG_M = 0.1
 
 
 def to_millimetre(length_m: float) -> float:
@@ -207,12 +211,6 @@ def next_leg(
 
 def _is_same(end_m: Point, refused_m: Sequence[float] | None) -> bool:
     return refused_m is not None and math.dist(end_m, refused_m[: len(end_m)]) < _SAME_END_M
-
-
-# To the left and the right of the way that is blocked, ever farther [rad]: 45 and 90 degrees.
-_EIGHTH_TURN_RAD = 0.7853981633974483
-# A cut leg shorter than this is not worth to be flown.
-_LEAST_LEG_M = 0.1
 
 
 class LegPlanner:

@@ -31,6 +31,11 @@ from gslcosim_search.senses.hit_detection import Finding, GasEvidence
 from gslcosim_search.senses.instruments import find_noses, find_vane
 from gslcosim_search.senses.stop_and_measure import MeasuredWind, StopAndMeasure
 
+# So near to the goal the vehicle has arrived; where a route has more legs, so near to a bend it has passed it.
+_ARRIVED_M = 0.15
+# Findings farther away than this were made on the way.
+_HERE_M = 0.5
+
 
 class KnownPaths:
     """Finds ways with the map of a briefing; without one they are straight.
@@ -71,12 +76,6 @@ class KnownPaths:
         path_m = shortest_path(self._free, self._grid, start_m, end_m)
         bends_m = () if path_m is None else path_m[1:].tolist()
         return tuple((x_m, y_m, rest[0] if rest else float(start_m[2])) for x_m, y_m, *rest in bends_m)
-
-
-# So near to the goal the vehicle has arrived; where a route has more legs, so near to a bend it has passed it.
-_ARRIVED_M = 0.15
-# Findings farther away than this were made on the way.
-_HERE_M = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)

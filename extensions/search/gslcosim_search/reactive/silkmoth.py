@@ -11,6 +11,15 @@ from dataclasses import dataclass
 from gslcosim.contract.messages import Observation
 from gslcosim_search.senses.instruments import Vane
 
+# A moth's surge [m/s], its turns while it surges and while it zigzags [rad/s].
+MOTH_SURGE_M_S = 0.019
+MOTH_CRAWL_M_S = 0.0008
+SURGE_TURN_RAD_S = 0.062
+TURN_RAD_S = 1.3
+# End of each phase after the whiff [s], and whether it turns to the side of the whiff (+1) or away from it (-1).
+_TURNS = ((0.5, 1), (1.2, 1), (1.9, -1), (2.1, 1))
+_CRAWL_FRAC = MOTH_CRAWL_M_S / MOTH_SURGE_M_S
+
 
 class Sidestep:
     """Turns a heading by eighths of a circle, to one side, as long as its velocity is refused; then keeps the turn.
@@ -53,15 +62,6 @@ class Sidestep:
             self._n = 0
 
 
-# A moth's surge [m/s], its turns while it surges and while it zigzags [rad/s].
-MOTH_SURGE_M_S = 0.019
-MOTH_CRAWL_M_S = 0.0008
-SURGE_TURN_RAD_S = 0.062
-TURN_RAD_S = 1.3
-# End of each phase after the whiff [s], and whether it turns to the side of the whiff (+1) or away from it (-1).
-_TURNS = ((0.5, 1), (1.2, 1), (1.9, -1), (2.1, 1))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Phase:
     """Phase of the moth: `speed_frac` of its surge, `turn_rad_s` positive towards the side of the whiff [rad/s]."""
@@ -72,7 +72,6 @@ class Phase:
 
 
 SURGE = Phase(name="surge", speed_frac=1.0, turn_rad_s=SURGE_TURN_RAD_S)
-_CRAWL_FRAC = MOTH_CRAWL_M_S / MOTH_SURGE_M_S
 
 
 def phase_at(since_hit_s: float) -> Phase:

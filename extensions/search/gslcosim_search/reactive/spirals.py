@@ -16,6 +16,10 @@ FULL_TURN_RAD = 6.283185307179586
 RIGHT_ANGLE_RAD = 1.5707963267948966
 _NEWTON_STEPS = 50
 _NEWTON_STOPS_RAD = 1e-12
+QUARTER_TURN_RAD = 1.5707963267948966
+EIGHTH_TURN_RAD = 0.7853981633974483
+# Order of the leaves: upwind, to one side, to the other, downwind.
+_LEAF_TURNS = (0, 1, -1, 2)
 
 
 def spiral_radius_m(gap_m: float, angle_rad: float) -> float:
@@ -232,12 +236,6 @@ class SpiralPath:
 def random_side(draws: RandomStream) -> int:
     """Return +1 (left) or -1 (right) with equal chance; costs one draw."""
     return 1 if draws.fraction() < 0.5 else -1
-
-
-QUARTER_TURN_RAD = 1.5707963267948966
-EIGHTH_TURN_RAD = 0.7853981633974483
-# Order of the leaves: upwind, to one side, to the other, downwind.
-_LEAF_TURNS = (0, 1, -1, 2)
 
 
 def leaf_radius_m(radius_m: float, angle_rad: float) -> float:

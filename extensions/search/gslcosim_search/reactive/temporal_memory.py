@@ -31,6 +31,15 @@ N_GAS_STATES = (len(SHARE_CUTS) + 1) * (len(RANK_CUTS) + 1)
 N_VOID_STATES = 50
 N_STATES = N_GAS_STATES + N_VOID_STATES
 N_MOVES = 4
+# Moves relative to the wind, looking upwind.
+UPWIND, DOWNWIND, LEFT, RIGHT = range(4)
+# In a circle to the left: each is a quarter turn after the one before.
+_CIRCLE_LEFT = (UPWIND, LEFT, DOWNWIND, RIGHT)
+_OPPOSITE = (DOWNWIND, UPWIND, RIGHT, LEFT)
+# A run that grows for ever needs no more than this many doublings.
+_MOST_DOUBLINGS = 30
+# Steps ahead and to the left, looking upwind.
+STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
 def memory_features(amounts: Floats, n: int, noise: float) -> tuple[float, float]:
@@ -152,18 +161,6 @@ def load_policies(path: Path) -> dict[str, list[list[float]]]:
 def best_move(values: list[float]) -> int:
     """Return the move of the greatest value, the first of equal ones."""
     return max(range(len(values)), key=lambda move: (values[move], -move))
-
-
-# Moves relative to the wind, looking upwind.
-UPWIND, DOWNWIND, LEFT, RIGHT = range(4)
-# In a circle to the left: each is a quarter turn after the one before.
-_CIRCLE_LEFT = (UPWIND, LEFT, DOWNWIND, RIGHT)
-_OPPOSITE = (DOWNWIND, UPWIND, RIGHT, LEFT)
-# A run that grows for ever needs no more than this many doublings.
-_MOST_DOUBLINGS = 30
-
-# Steps ahead and to the left, looking upwind.
-STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
 def opposite_move(move: int) -> int:

@@ -20,6 +20,10 @@ _LEAST_STEP_S = 1e-9
 _LEVEL_SMOOTHING_S, _FORGET_S = 3.0, 300.0
 # A MOX sensor below this part of its resistance in clean air says no more than that there is very much gas.
 _LEAST_RATIO = 1e-3
+# A MOX sensor's onset is smoothed over about this long: the gas was met where the vehicle was then.
+MOX_LAG_S = 1.0
+# Spans are whole ticks: a share of a tick decides nothing.
+_ROUNDING_S = 1e-6
 
 
 def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: float = 0.0) -> bool:
@@ -351,12 +355,6 @@ def _rule_of(nose: Nose, threshold_ppm: float, mox: MoxEvidence) -> Callable[[Ob
         return lambda observation: mox.add(observation.time_s, nose.value(observation))
     threshold = threshold_ppm if nose.unit == "ppm" else 0.5
     return lambda observation: nose.amount(observation) > threshold
-
-
-# A MOX sensor's onset is smoothed over about this long: the gas was met where the vehicle was then.
-MOX_LAG_S = 1.0
-# Spans are whole ticks: a share of a tick decides nothing.
-_ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)

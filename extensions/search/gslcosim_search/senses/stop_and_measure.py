@@ -16,6 +16,13 @@ from gslcosim.contract.messages import Briefing, Observation
 from gslcosim_search.senses.hit_detection import GasHits, is_more_gas
 from gslcosim_search.senses.instruments import Nose, Vane, find_noses, find_vanes
 
+# A vehicle that does one of these stands still: its readings belong together.
+_AT_REST = ("holding", "on_ground")
+# A vehicle that is this far from where its hold began is on another hold, whatever it did between.
+_ELSEWHERE_M = 0.25
+# A MOX sensor's hits come late: its onset is smoothed over about this long.
+MOX_LAG_S = 1.0
+
 
 def local_maxima(samples: Sequence[float]) -> list[float]:
     """Return the peaks of a series: samples above the one before and not below the one after; the ends are none.
@@ -75,12 +82,6 @@ class BestProximity:
         if self._n_misses > self._n_allowed:
             self.best, self._n_misses = self.best / 2.0, 0
         return False
-
-
-# A vehicle that does one of these stands still: its readings belong together.
-_AT_REST = ("holding", "on_ground")
-# A vehicle that is this far from where its hold began is on another hold, whatever it did between.
-_ELSEWHERE_M = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,10 +300,6 @@ def _mean3(places_m: list[Vec3]) -> Vec3:
 # Plain sums: a reading without resistance has an infinite amount, which fsum refuses beside others.
 def _mean(values: tuple[float, ...]) -> float:
     return sum(values) / len(values)
-
-
-# A MOX sensor's hits come late: its onset is smoothed over about this long.
-MOX_LAG_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

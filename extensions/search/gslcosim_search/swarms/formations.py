@@ -32,6 +32,9 @@ Floats = NDArray[np.float64]
 
 # Below this ratio of their two spreads, places count as lying on one line.
 COLLINEAR_FRAC = 0.05
+SHAPES = ("ring", "square", "hexagon", "inverted_v", "line")
+# How much of the team's wind is that of the last round; the rest is what it was before.
+_NEW_WIND_FRAC = 0.5
 
 
 def diagonal_line(n: int, spacing_m: float) -> Floats:
@@ -82,9 +85,6 @@ def hexagon(radius_m: float, *, with_centre: bool = True) -> Floats:
         Zarzhitsky, Spears, Thayer 2005 (remembered, unverified).
     """
     return ring(7 if with_centre else 6, radius_m, with_centre=with_centre)
-
-
-SHAPES = ("ring", "square", "hexagon", "inverted_v", "line")
 
 
 def formation(shape: str, n: int, size_m: float) -> Floats:
@@ -438,10 +438,6 @@ class PlumeMemory:
             return np.array(turn_m)
         self._cast = None
         return find_next_lane_point(self._lanes_m, place_m, self._step_m)
-
-
-# How much of the team's wind is that of the last round; the rest is what it was before.
-_NEW_WIND_FRAC = 0.5
 
 
 class FormationAgent(SearchAgent):

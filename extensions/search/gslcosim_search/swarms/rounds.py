@@ -32,6 +32,8 @@ _REPORT = re.compile(
     rf"g ([0-9]{{1,6}}) ({_PLACE}) ({_AMOUNT})(?: w({_WHOLE} {_WHOLE}))?(?: b({_PLACE}) ({_AMOUNT}))?"
     rf"(?: n({_AMOUNT}(?: {_AMOUNT}){{0,{MAX_NUMBERS - 1}}}))?"
 )
+# The round's number is the first of a report's own numbers.
+_NUMBER = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,10 +203,6 @@ def _place_m(text: str) -> Vec3:
 def _wind_m_s(text: str) -> tuple[float, float]:
     x, y = (int(part) / 100.0 for part in text.split())
     return x, y
-
-
-# The round's number is the first of a report's own numbers.
-_NUMBER = 0
 
 
 def _ppm_of(measurement: Measurement) -> float:

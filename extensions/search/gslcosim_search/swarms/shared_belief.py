@@ -22,6 +22,8 @@ from gslcosim_search.beliefs import CellGrid, normalised_from_log
 from gslcosim_search.information.objectives import Candidates, infotaxis_cost, predict_stops
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float64]
+LEAST_P = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,11 +187,6 @@ def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> 
         if chance > 0.0 and left.any():
             costs += chance * assigned_costs(left / left.sum(), own, rest)
     return costs
-
-
-Floats = NDArray[np.float64]
-
-LEAST_P = 1e-9
 
 
 def belief_potential(p: Floats) -> Floats:
