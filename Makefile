@@ -167,6 +167,7 @@ version:                     # write V=VERSION in core, extensions and citation
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
+	$(BIN)/python docs/_build/contract_hash.py
 	$(BIN)/python docs/_build/contract_files.py agents/contract
 	$(BIN)/python docs/_build/file_schemas.py
 	$(BIN)/python docs/_build/extensions_table.py

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any, cast
 
 import yaml
+from contract_hash import hash_schemas
 from contract_vectors import build_vectors
 
 from gslcosim.contract import codec
 from gslcosim.contract.codec import MAX_NESTING
 from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE, KeyEntry
-from gslcosim.contract.messages import CONTRACT_VERSION, Ending, Message
+from gslcosim.contract.messages import Ending, Message
 from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
     ParticipantBriefing,
@@ -21,12 +22,11 @@ from gslcosim.contract.participant_messages import (
 )
 from gslcosim.contract.schema import (
     build_json_schema,
-    get_contract_hash,
-    get_participation_hash,
     list_message_types,
     list_participation_types,
     list_published_types,
 )
+from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 
 _AGENT_DESCRIPTION = (
     "The messages between gslcosim and its agents. "
@@ -63,7 +63,7 @@ def build_agent_document() -> dict[str, Any]:
             "version": CONTRACT_VERSION,
             "description": _AGENT_DESCRIPTION,
             "license": {"name": "Apache-2.0"},
-            "x-contract-hash": get_contract_hash(),
+            "x-contract-hash": CONTRACT_HASH,
         },
         "defaultContentType": "application/msgpack",
         "servers": _build_servers(),
@@ -227,7 +227,7 @@ def build_participant_document() -> dict[str, Any]:
             "version": PARTICIPATION_VERSION,
             "description": _PARTICIPANT_DESCRIPTION,
             "license": {"name": "Apache-2.0"},
-            "x-contract-hash": get_participation_hash(),
+            "x-contract-hash": hash_schemas(list_published_types()),
         },
         "defaultContentType": "application/msgpack",
         "servers": build_gateway_servers(whose="the program", key="each frame from the run; optional in the program's"),
@@ -308,11 +308,11 @@ def build_contract_files() -> dict[str, str]:
         "contract.json": _json(
             {
                 "version": CONTRACT_VERSION,
-                "hash": get_contract_hash(),
+                "hash": CONTRACT_HASH,
                 "messages": [item.__name__ for item in list_message_types()],
                 "participation": {
                     "version": PARTICIPATION_VERSION,
-                    "hash": get_participation_hash(),
+                    "hash": hash_schemas(list_published_types()),
                     "messages": [item.__name__ for item in list_participation_types()],
                 },
             }

@@ -14,8 +14,9 @@ from typing import Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from contract_examples import EXAMPLES
 
+from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.contract import codec
-from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
+from gslcosim.contract.messages import Command, Message
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
 from gslcosim.contract.schema import list_message_types
 

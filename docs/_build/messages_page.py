@@ -9,9 +9,10 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.contract.codec import MAX_NESTING
 from gslcosim.contract.keys import KEY_TABLE, KeyEntry
-from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
+from gslcosim.contract.messages import Message, Record
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.record import get_pydantic_model
 from gslcosim.contract.schema import list_message_types, list_participation_types

@@ -16,7 +16,7 @@ from gslcosim.bus.interface import AGENT_VARIABLE, JOIN_VARIABLE, Bus, JoinData
 from gslcosim.contract import codec, keys
 from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
-from gslcosim.contract.schema import check_contract, format_own_contract
+from gslcosim.contract.version import check_contract, format_own_contract
 
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack

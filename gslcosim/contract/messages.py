@@ -61,7 +61,6 @@ _NEEDED_BY_KIND = {
 REFUSED_PREFIX = "refused: "
 # All kinds that an agent may write; `failed` is the runtime's.
 AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
-CONTRACT_VERSION = "1.3"
 
 
 class KnownMap(Record):

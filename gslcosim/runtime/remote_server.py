@@ -24,7 +24,7 @@ from gslcosim.base.errors import ContractError, EnvironmentDataError, MachineErr
 from gslcosim.base.files import remove_tree
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.bus.interface import Bus
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.store import (
     ENVIRONMENT_FILES,
     HEADER_FILE,
@@ -66,7 +66,7 @@ class SoftwareVersions(BaseModel):
 
         return cls(
             version=gslcosim.__version__,
-            contract=get_contract_hash(),
+            contract=CONTRACT_HASH,
             code=hash_result_code(),
             python=f"{sys.version_info[0]}.{sys.version_info[1]}",
             packages={name: get_package_version(name) for name in _COMPARED_PACKAGES},

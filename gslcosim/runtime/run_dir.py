@@ -41,7 +41,7 @@ from gslcosim.base.untrusted_input import (
 from gslcosim.base.yaml_core import BoundedLoader
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.model import VariantValues
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
@@ -405,7 +405,7 @@ class RunDir:
             "environment_hash": environment_hash,
             **({"participants": programs} if programs else {}),
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
-            "contract_hash": get_contract_hash(),
+            "contract_hash": CONTRACT_HASH,
             "gslcosim": gslcosim.__version__,
             "git": _read_git_revision(),
             "python": sys.version.split()[0],

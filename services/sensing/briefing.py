@@ -14,7 +14,6 @@ from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     ChannelDescription,
@@ -24,7 +23,7 @@ from gslcosim.contract.messages import (
     Task,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside, find_unmet_needs
 from gslcosim.scenario import Scenario
@@ -150,7 +149,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         hold_s=agent.vehicle.hold_s,
         time_limit_s=task.time_limit_s,
         sensors=describe_sensors(agent, scenario),
-        contract_hash=get_contract_hash(),
+        contract_hash=CONTRACT_HASH,
         channels=_describe_channels(agent, scenario),
         parameters=agent.parameters,
         known_map=build_known_map(agent, environment),

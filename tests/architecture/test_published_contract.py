@@ -10,13 +10,14 @@ import jsonschema
 import pytest
 import yaml
 from contract_files import build_contract_files
+from contract_hash import hash_schemas
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
-from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
-from gslcosim.contract.schema import get_contract_hash, get_participation_hash, list_message_types, list_published_types
+from gslcosim.contract.schema import list_message_types, list_published_types
+from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.gateway import frame_codec
 
 FOLDER = Path(__file__).parents[2] / "agents" / "contract"
@@ -51,12 +52,16 @@ def test_the_folder_is_what_the_code_says():
     assert [name for name in expected if found[name] != expected[name]] == [], "`make contract` rewrites the folder"
 
 
+def test_the_hash_is_that_of_the_messages():
+    assert hash_schemas(list_message_types()) == CONTRACT_HASH, "`make contract` writes it"
+
+
 def test_version_and_hash_can_be_read_without_any_code():
     index = json.loads((FOLDER / "contract.json").read_text())
-    assert (index["version"], index["hash"]) == (CONTRACT_VERSION, get_contract_hash())
+    assert (index["version"], index["hash"]) == (CONTRACT_VERSION, CONTRACT_HASH)
     assert set(index["messages"]) == {item.__name__ for item in list_message_types()}
     own = index["participation"]
-    assert (own["version"], own["hash"]) == (PARTICIPATION_VERSION, get_participation_hash())
+    assert (own["version"], own["hash"]) == (PARTICIPATION_VERSION, hash_schemas(list_published_types()))
     assert set(index["messages"]) | set(own["messages"]) == set(TYPES)
 
 
@@ -152,7 +157,7 @@ def references_in(tree):
 
 def test_asyncapi_has_all_keys_and_its_references_lead_somewhere():
     document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
-    assert document["info"]["x-contract-hash"] == get_contract_hash()
+    assert document["info"]["x-contract-hash"] == CONTRACT_HASH
     addresses = {channel["address"] for channel in document["channels"].values()}
     assert addresses == {channel.key.replace(AGENT_PLACEHOLDER, "{agent}") for channel in KEY_TABLE}
     check_references(document)
@@ -170,7 +175,7 @@ def check_references(document):
 
 def test_the_document_for_participants_leads_somewhere():
     document = yaml.safe_load((FOLDER / "participation.yaml").read_text())
-    assert document["info"]["x-contract-hash"] == get_participation_hash()
+    assert document["info"]["x-contract-hash"] == hash_schemas(list_published_types())
     check_references(document)
     sent = [name for name, operation in document["operations"].items() if operation["action"] == "send"]
     assert sent == ["sayHello", "sendOutputs"]

@@ -16,7 +16,6 @@ import numpy as np
 from gslcosim.agent_kit import Agent
 from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     CameraImage,
@@ -30,6 +29,7 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
+from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, MethodCard
 
 Place = tuple[float, float, float]

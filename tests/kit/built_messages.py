@@ -2,16 +2,8 @@
 
 from typing import Any
 
-from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
-    BodyPoses,
-    BodyState,
-    Bounds,
-    Briefing,
-    GasAmount,
-    MountSample,
-    Observation,
-)
+from gslcosim.contract.messages import BodyPoses, BodyState, Bounds, Briefing, GasAmount, MountSample, Observation
+from gslcosim.contract.version import CONTRACT_VERSION
 
 
 def build_observation(tick: int = 0, **fields: Any) -> Observation:

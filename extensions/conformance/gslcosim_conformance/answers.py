@@ -13,7 +13,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.length_prefix import LENGTH_BYTES, prefix_length
 from gslcosim.contract.messages import AGENT_KINDS, Command
-from gslcosim.contract.schema import check_contract
+from gslcosim.contract.version import check_contract
 from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 
 _STDERR_REMEDY = "Only commands belong there; write notes to the standard error: print(text, file=sys.stderr)."

@@ -21,7 +21,6 @@ from gslcosim.contract.environment_messages import PROBES, WIND, ProbeSamples, S
 from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
 from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     ChannelDescription,
@@ -46,7 +45,8 @@ from gslcosim.contract.participant_messages import (
     find_room_output,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.schema import get_contract_hash, list_published_types
+from gslcosim.contract.schema import list_published_types
+from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.methods.card import Needs
 from gslcosim_conformance.example_instruments import (
     GAS,
@@ -119,7 +119,7 @@ def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
         hold_s=2.0,
         time_limit_s=TASK.time_limit_s,
         sensors=build_sensors(needs),
-        contract_hash=get_contract_hash(),
+        contract_hash=CONTRACT_HASH,
         channels=_CHANNELS if needs.radio else (),
         known_map=_MAP if "map" in needs.knows else None,
         plume=PLUME if "plume" in needs.knows else None,

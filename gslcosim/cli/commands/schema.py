@@ -41,15 +41,14 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _export_contract(folder: Path, *, is_json: bool) -> int:
-    from gslcosim.contract.messages import CONTRACT_VERSION
-    from gslcosim.contract.schema import get_contract_hash
+    from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 
     files = _copy_contract(folder)
     if is_json:
         written = {"directory": str(folder), "files": files}
-        write_json({"version": CONTRACT_VERSION, "hash": get_contract_hash(), **written})
+        write_json({"version": CONTRACT_VERSION, "hash": CONTRACT_HASH, **written})
     else:
-        write(f"Contract {CONTRACT_VERSION}, hash {get_contract_hash()}: {len(files)} files in {folder}")
+        write(f"Contract {CONTRACT_VERSION}, hash {CONTRACT_HASH}: {len(files)} files in {folder}")
     return 0
 
 

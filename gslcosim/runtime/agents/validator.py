@@ -7,7 +7,7 @@ from gslcosim.base.errors import ContractError, RunFolderError
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract import codec
 from gslcosim.contract.messages import AGENT_KINDS, REFUSED_PREFIX, Belief, Command, Observation
-from gslcosim.contract.schema import ContractVersionError, check_contract
+from gslcosim.contract.version import ContractVersionError, check_contract
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 

@@ -17,7 +17,7 @@ from gslcosim.bus.interface import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
@@ -165,7 +165,7 @@ class ParticipantLink:
         return protocol.ParticipantDescription(
             name=self.name,
             version=gslcosim.__version__,
-            contract_hash=get_contract_hash(),
+            contract_hash=CONTRACT_HASH,
             pid=os.getpid(),
             host=socket.gethostname(),
         ).to_bytes()

@@ -10,7 +10,7 @@ from typing_extensions import TypedDict
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import keys
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.runtime.agents.session import AgentEvent
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantName, ParticipantStatus, PortName, Tick
 
@@ -166,10 +166,10 @@ class ParticipantDescription(ControlMessage):
     @property
     def difference(self) -> str:
         """Why it cannot take part in a run of this process: its contract is another; empty where it can."""
-        if self.contract_hash == get_contract_hash():
+        if self.contract_hash == CONTRACT_HASH:
             return ""
         return (
-            f"expected contract {get_contract_hash()}, was {self.contract_hash} (gslcosim {self.version} on "
+            f"expected contract {CONTRACT_HASH}, was {self.contract_hash} (gslcosim {self.version} on "
             f"{self.host}). Install the same version everywhere."
         )
 

@@ -74,8 +74,6 @@ def import_shared_modules() -> None:
             del os.environ["MUJOCO_GL"]
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
     importlib.import_module("gslcosim.environment.grid_kernels").to_next_border(0.5, 0, 1.0)
-    # Each service states it; it is made from the descriptions of all messages.
-    importlib.import_module("gslcosim.contract.schema").get_contract_hash()
 
 
 def serve(names: Sequence[str], join: JoinData | None = None) -> None:

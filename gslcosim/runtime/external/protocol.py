@@ -20,7 +20,7 @@ from gslcosim.contract.participant_messages import (
     ParticipantValues,
     find_room_output,
 )
-from gslcosim.contract.schema import check_version
+from gslcosim.contract.version import check_version
 from gslcosim.gateway.frame_codec import MAX_FRAME_BYTES
 from gslcosim.runtime.dataflow import ONCE, find_port_problems, find_undelayed_cycle
 from gslcosim.scenario import Scenario

@@ -11,7 +11,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.digest import HashChain, RunDigest
@@ -57,9 +57,9 @@ class PastRun:
         manifest = run_dir.load_manifest()
         has_result = needs_result or (folder / "result.json").is_file()
         result: RunResult | dict[str, int] = run_dir.load_result() if has_result else {}
-        if manifest.get("contract_hash") != get_contract_hash():
+        if manifest.get("contract_hash") != CONTRACT_HASH:
             raise UsageError(
-                f"{folder.name}: expected a run of contract {get_contract_hash()}, was "
+                f"{folder.name}: expected a run of contract {CONTRACT_HASH}, was "
                 f"{manifest.get('contract_hash')}, flown by gslcosim {manifest.get('gslcosim')}. Use that "
                 "version for it."
             )

@@ -27,7 +27,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.length_prefix import prefix_length, read_frame
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.model import Environment
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.replay.object_state import ObjectState
@@ -79,7 +79,7 @@ class CodeIdentity:
         """Return that of this process."""
         processor = f"{platform.machine()} {read_cpu_flags()}".encode()
         return cls(
-            contract=get_contract_hash(),
+            contract=CONTRACT_HASH,
             code=hash_code([*list_package_files(*_STATE_CODE), *list_registered_files()]),
             processor=hashlib.blake2b(processor, digest_size=8).hexdigest(),
             packages=", ".join(f"{name} {get_package_version(name)}" for name in COMPUTING_PACKAGES),

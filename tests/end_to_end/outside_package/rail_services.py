@@ -21,7 +21,7 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.runtime.services import ServiceKind, get_block_service, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
@@ -177,7 +177,7 @@ def build_briefings(setup: RunSetup) -> Mapping[str, Briefing]:
             hold_s=0.0,
             time_limit_s=6.0,
             sensors=(),
-            contract_hash=get_contract_hash(),
+            contract_hash=CONTRACT_HASH,
         )
         for agent in scenario.agents
     }

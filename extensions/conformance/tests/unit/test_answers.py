@@ -8,7 +8,7 @@ import msgpack
 import pytest
 
 from gslcosim.base.errors import ContractError
-from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.gateway import frame_codec
 from gslcosim_conformance.answers import build_refused_answer, read_answer
 

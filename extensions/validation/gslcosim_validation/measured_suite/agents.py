@@ -23,7 +23,6 @@ from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract import codec
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     Command,
@@ -36,7 +35,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.methods.card import WIND_QUANTITY, MethodCard
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import find_python_agent, load_python_agent
@@ -498,7 +497,7 @@ def _build_briefing(
         hold_s=tick_ns / NS_PER_S,
         time_limit_s=time_limit_s,
         sensors=sensors,
-        contract_hash=get_contract_hash(),
+        contract_hash=CONTRACT_HASH,
         parameters=parameters,
         known_map=_build_map(bounds, height_m) if _is_granted_map(agent) else None,
     )

@@ -6,12 +6,12 @@ from contract_files import build_contract_files
 from file_schemas import MODELS, build_schema_text
 
 from gslcosim.cli.main import main
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.version import CONTRACT_HASH
 
 
 def test_export_writes_all_files(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path / "new" / "contract")]) == 0
-    assert get_contract_hash() in capsys.readouterr().out
+    assert CONTRACT_HASH in capsys.readouterr().out
     folder = tmp_path / "new" / "contract"
     written = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.*")}
     assert written == build_contract_files()
@@ -20,7 +20,7 @@ def test_export_writes_all_files(capsys, tmp_path):
 def test_json_lists_what_was_written(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed["hash"] == get_contract_hash()
+    assert printed["hash"] == CONTRACT_HASH
     assert printed["files"] == list(build_contract_files())
 
 

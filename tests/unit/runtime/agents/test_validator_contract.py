@@ -4,8 +4,8 @@ import msgpack
 from built_messages import build_observation
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import CONTRACT_VERSION, Command
-from gslcosim.contract.schema import format_own_contract
+from gslcosim.contract.messages import Command
+from gslcosim.contract.version import CONTRACT_VERSION, format_own_contract
 from gslcosim.runtime.agents.validator import CommandValidator
 
 
