@@ -42,9 +42,9 @@ def preload_modules() -> None:
 
     It may start threads.
     """
+    _block_pandas()
     for module in ("blueprint", "recording_file", "rows.events", "run_recording"):
         importlib.import_module(f"gslcosim_services.recorder.{module}")
-    _block_pandas()
 
 
 # pyarrow imports pandas, if installed, at its first conversion of a list: 0.2 s and 50 MB for nothing. It keeps the
