@@ -13,6 +13,8 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
+from typing_extensions import override
+
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault
 from gslcosim.contract.length_prefix import LENGTH_BYTES
 from gslcosim.contract.messages import Message
@@ -65,18 +67,18 @@ class Stream(Protocol):
         ...
 
 
-class _PolledStream:
+class _PolledStream(Stream):
     def _poll(self, input_fd: int, output_fd: int) -> None:
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(input_fd, select.POLLIN)
         self._writable.register(output_fd, select.POLLOUT)
 
+    @override
     def wait_writable(self, timeout_s: float | None = None) -> bool:
-        """Wait until something fits again; see `Stream`."""
         return bool(self._writable.poll(None if timeout_s is None else 1e3 * timeout_s))
 
+    @override
     def wait_readable(self, timeout_s: float) -> bool:
-        """Wait until there is something to read; see `Stream`."""
         return bool(self._readable.poll(1e3 * timeout_s))
 
 
@@ -90,20 +92,20 @@ class PipeStream(_PolledStream):
         os.set_blocking(to_agent.fileno(), False)
         self._poll(from_agent.fileno(), to_agent.fileno())
 
+    @override
     def read(self) -> bytes:
-        """Return the next bytes; see `Stream`."""
         return self._from_agent.read(READ_BYTES) or b""
 
+    @override
     def write_now(self, data: bytes) -> int:
-        """Write what fits; see `Stream`."""
         return self._to_agent.write(data) or 0
 
+    @override
     def close_input(self) -> None:
-        """Stop reading; see `Stream`."""
         self._from_agent.close()
 
+    @override
     def close_output(self) -> None:
-        """End the agent's standard input; see `Stream`."""
         with contextlib.suppress(OSError):
             self._to_agent.close()
 
@@ -116,26 +118,26 @@ class SocketStream(_PolledStream):
         self._open_sides = {socket.SHUT_RD, socket.SHUT_WR}
         self._poll(connection.fileno(), connection.fileno())
 
+    @override
     def read(self) -> bytes:
-        """Return the next bytes; see `Stream`."""
         try:
             return self._connection.recv(READ_BYTES)
         except OSError:
             return b""
 
+    @override
     def write_now(self, data: bytes) -> int:
-        """Write what fits; see `Stream`."""
         try:
             return self._connection.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return 0
 
+    @override
     def close_input(self) -> None:
-        """Stop reading; see `Stream`."""
         self._close(socket.SHUT_RD)
 
+    @override
     def close_output(self) -> None:
-        """End what the agent reads; see `Stream`."""
         self._close(socket.SHUT_WR)
 
     def _close(self, side: int) -> None:

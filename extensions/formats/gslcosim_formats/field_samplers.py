@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
@@ -76,7 +77,7 @@ def build_lattice(min_m: Vec3, max_m: Vec3, spacing_m: float) -> PointGrid:
     return PointGrid(first_m=(x, y, z), spacing_m=spacing_m, shape=(nx, ny, nz))
 
 
-class ScenarioFieldSampler:
+class ScenarioFieldSampler(FieldSampler):
     """Gas and wind of a scenario in its environment; see `FieldSampler`.
 
     A time counts from the start of the run, `gas.warm_up_s` after the sources opened; a frame is a tick of the run.
@@ -91,18 +92,18 @@ class ScenarioFieldSampler:
         )
         self._gas = gas
 
+    @override
     def grid(self, instant: Instant) -> Grid:
-        """Return the cells of the room; see `FieldSampler`."""
         del instant
         return self._environment.grid
 
+    @override
     def gas_ppm(self, points_world_m: NDArray[np.float64], instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio at points; see `FieldSampler`."""
         field, i_gas = self._field(instant, view)
         return read_in_chunks(lambda some: field.mixing_ratio_ppm_at(some)[:, i_gas], check_points(points_world_m))
 
+    @override
     def gas_ppm_on(self, grid: PointGrid, instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio on a grid; see `FieldSampler`."""
         field, i_gas = self._field(instant, view)
         if view.has_line_of_sight:
             points = grid.points_m()
@@ -110,8 +111,8 @@ class ScenarioFieldSampler:
         cutoff_sigma = CUTOFF_SIGMA if view.cutoff_sigma is None else view.cutoff_sigma
         return field.mixing_ratio_ppm_on_grid(grid, gas=i_gas, cutoff_sigma=cutoff_sigma)
 
+    @override
     def wind_m_s(self, points_world_m: NDArray[np.float64], instant: Instant) -> NDArray[np.float64]:
-        """Return the wind at points; see `FieldSampler`."""
         points, grid, wind = check_points(points_world_m), self._environment.grid, self._environment.wind
         if self._scenario is not None:
             own_m_s = self._field(instant, ViewOptions())[0].wind_m_s_at(points)

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim_services.fields.filament.plume import Filaments
-from gslcosim_services.fields.gas_field import NO_FILAMENTS, PointGrid
+from gslcosim_services.fields.gas_field import NO_FILAMENTS, GasField, PointGrid
 from gslcosim_services.fields.mixing_ratio import check_points
 
 Formula = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
@@ -21,7 +22,7 @@ class FormulaPlume:
     mixing_ratio_ppm_at: Formula
 
 
-class TimedField:
+class TimedField(GasField):
     """Base of gas fields that are a function of time."""
 
     def __init__(self, gases: tuple[str, ...], step_s: float) -> None:
@@ -59,7 +60,7 @@ class TimedField:
 
 
 class FormulaField(TimedField):
-    """The sum of closed forms; see `GasField`. Walls and cut-offs have no meaning for it."""
+    """The sum of closed forms. Walls and cut-offs have no meaning for it."""
 
     def __init__(
         self, plumes_of: Callable[[int], Sequence[FormulaPlume]], gases: tuple[str, ...], *, step_s: float, seed: int
@@ -84,15 +85,15 @@ class FormulaField(TimedField):
         self._plumes = self._plumes_of(seed)
         self.restart()
 
+    @override
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mixing ratios at points; see `GasField`."""
         points = check_points(points_world_m)
         ppm = np.zeros((len(points), len(self._gases)))
         for plume in self._plumes:
             ppm[:, plume.gas_index] += plume.mixing_ratio_ppm_at(points, self.time_s)
         return ppm
 
+    @override
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
-        """Return the mixing ratio of one gas on a grid; see `GasField`."""
         del cutoff_sigma
         return self.mixing_ratio_ppm_at(grid.points_m())[:, gas].reshape(grid.shape)

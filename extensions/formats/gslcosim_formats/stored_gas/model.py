@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.base.problems import Problem, broken_rule_error
@@ -108,8 +109,8 @@ class PlaybackField(TimedField):
         del seed
         self.restart()
 
+    @override
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mixing ratios at points; see `GasField`."""
         points, frame = check_points(points_world_m), self._frame()
         ppm = np.zeros((len(points), len(self._gases)))
         if frame is None:
@@ -125,8 +126,8 @@ class PlaybackField(TimedField):
         ppm[:, 0] = seen[:, 0]
         return ppm
 
+    @override
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
-        """Return the mixing ratio of one gas on a grid; see `GasField`."""
         frame = self._frame()
         if frame is None or gas > 0:
             return np.zeros(grid.shape)

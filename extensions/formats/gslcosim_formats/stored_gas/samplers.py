@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError
 from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Grid
 from gslcosim_formats.data_files import read_array_frame, read_result
 from gslcosim_formats.environment_folders import load_gsl_bench_geometry
-from gslcosim_formats.field_samplers import Instant, ViewOptions, read_in_chunks
+from gslcosim_formats.field_samplers import FieldSampler, Instant, ViewOptions, read_in_chunks
 from gslcosim_formats.stored_gas.frame_formats import GasFrame, find_occupancy, read_walls
 from gslcosim_formats.stored_gas.playback import GasPlayback, default_period_s, values_in_cells
 from gslcosim_services.fields.gas_field import PointGrid
@@ -28,20 +29,20 @@ MAX_FOLDER_DEPTH = 4
 StoredWind = Callable[[NDArray[np.float64], GasFrame], NDArray[np.float64]]
 
 
-class StoredFieldSampler:
-    """Gas frames of a folder, with the walls and the wind that belong to them; see `FieldSampler`."""
+class StoredFieldSampler(FieldSampler):
+    """Gas frames of a folder, with the walls and the wind that belong to them."""
 
     def __init__(self, playback: GasPlayback, *, walls: Callable[[], Walls], wind: StoredWind) -> None:
         self._playback = playback
         self._walls = walls
         self._wind = wind
 
+    @override
     def grid(self, instant: Instant) -> Grid:
-        """Return the cells of the frame; see `FieldSampler`."""
         return self._frame(instant).grid
 
+    @override
     def gas_ppm(self, points_world_m: NDArray[np.float64], instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio at points; see `FieldSampler`."""
         points, frame = check_points(points_world_m), self._frame(instant)
         if frame.filaments is None:
             return values_in_cells(frame, points)
@@ -53,8 +54,8 @@ class StoredFieldSampler:
             lambda some: index.mixing_ratio_ppm_at(some, walls=walls, cutoff_sigma=cutoff_sigma)[:, 0], points
         )
 
+    @override
     def gas_ppm_on(self, grid: PointGrid, instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio on a grid; see `FieldSampler`."""
         filaments = self._frame(instant).filaments
         if filaments is None or view.has_line_of_sight:
             return self.gas_ppm(grid.points_m(), instant, view).reshape(grid.shape)
@@ -67,8 +68,8 @@ class StoredFieldSampler:
             cutoff_sigma=cutoff_sigma,
         )
 
+    @override
     def wind_m_s(self, points_world_m: NDArray[np.float64], instant: Instant) -> NDArray[np.float64]:
-        """Return the wind at points; see `FieldSampler`."""
         return self._wind(check_points(points_world_m), self._frame(instant))
 
     def _frame(self, instant: Instant) -> GasFrame:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim.agent_kit import Briefing, Command, DriveSetpoint, Observation, Reading
 from gslcosim.base.errors import UsageError
@@ -300,8 +301,8 @@ class Waypoints(ActionKind):
 
     n_numbers = 2
 
+    @override
     def command(self, observation: Observation, action: Any) -> Command:
-        """Fly there; see `ActionKind`."""
         return self._leg(observation, self.step_m * np.asarray(action, dtype=np.float64))
 
 
@@ -316,8 +317,8 @@ class Headings(ActionKind):
 
     n_choices = N_HEADINGS + 1
 
+    @override
     def command(self, observation: Observation, action: Any) -> Command:
-        """Fly a leg or hold; see `ActionKind`."""
         choice = int(action)
         if choice == N_HEADINGS:
             return Command(tick=observation.tick, kind="hold", hold_s=self.hold_s)
@@ -330,8 +331,8 @@ class Velocities(ActionKind):
 
     n_numbers = 2
 
+    @override
     def command(self, observation: Observation, action: Any) -> Command:
-        """Take the velocity; see `ActionKind`."""
         velocity = self.speed_m_s * np.asarray(action, dtype=np.float64)
         x_m_s, y_m_s, z_m_s = (float(part) for part in np.resize(np.append(velocity, 0.0), 3))
         return Command(
@@ -350,8 +351,8 @@ class Drives(ActionKind):
 
     n_numbers = 2
 
+    @override
     def command(self, observation: Observation, action: Any) -> Command:
-        """Drive; see `ActionKind`."""
         speed, yaw_rate = (float(part) for part in action)
         drive = DriveSetpoint(speed_m_s=self.speed_m_s * speed, yaw_rate_rad_s=yaw_rate)
         return Command(tick=observation.tick, kind="drive", drive=drive, hold_s=self.hold_s)

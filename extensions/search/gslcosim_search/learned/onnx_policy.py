@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json
@@ -73,12 +74,12 @@ class OnnxPolicy(Policy):
             all(isinstance(size, int) for size in each) for each in self._shapes.values()
         )
 
+    @override
     def memory(self, n: int) -> Floats:
-        """Return zeros, (n, size); see `Policy`."""
         return np.zeros((n, sum(self._sizes.values())), np.float32)
 
+    @override
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
-        """Run the model; see `Policy`."""
         if self._takes_many or len(observations) == 1:
             return self._run(observations, memory)
         parts = [self._run(observations[i : i + 1], memory[i : i + 1]) for i in range(len(observations))]

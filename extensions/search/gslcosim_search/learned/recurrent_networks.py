@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim_search.learned.policy import (
     Actions,
@@ -68,23 +69,24 @@ class CtrnnPolicy(ArrayPolicy):
         self._recurrent, self._inputs, self._outputs = (np.ascontiguousarray(a.T) for a in (recurrent, inputs, outputs))
         self._kept = np.exp(-dt_s / tau_s).astype(np.float32)
 
+    @override
     def memory(self, n: int) -> Floats:
-        """Return neurons at rest, (n, h); see `Policy`."""
         return np.zeros((n, len(self._bias)), np.float32)
 
+    @override
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
-        """Step the neurons once and read them; see `Policy`."""
         driven = _logistic(memory + self._bias) @ self._recurrent + observations @ self._inputs
         after = driven + (memory - driven) * self._kept
         outputs = _logistic(after + self._bias) @ self._outputs + self._output_bias
         return self.action.chosen(add_spread(outputs, observations, self.spread)), after
 
     @property
+    @override
     def settings(self) -> dict[str, Any]:
-        """See `Policy`."""
         return {"dt_s": self.dt_s, "spread": self.spread}
 
     @classmethod
+    @override
     def of_arrays(
         cls,
         observation_names: tuple[str, ...],
@@ -92,7 +94,6 @@ class CtrnnPolicy(ArrayPolicy):
         arrays: Mapping[str, NDArray[Any]],
         settings: Mapping[str, Any],
     ) -> Self:
-        """Return the network; see `Policy`."""
         dt_s = check_number(settings, "dt_s", is_above=True)
         tau_s = check_arrays(arrays, {"tau_s": (None,)})["tau_s"]
         if tau_s.min() <= 0:
@@ -162,12 +163,12 @@ class GruPolicy(ArrayPolicy):
             np.ascontiguousarray(array.T) for array in (encoder, gates, recurrent_gates, outputs)
         )
 
+    @override
     def memory(self, n: int) -> Floats:
-        """Return units at 0, (n, h); see `Policy`."""
         return np.zeros((n, self._n_units), np.float32)
 
+    @override
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
-        """Step the units once and read them; see `Policy`."""
         outputs, after = self.outputs(observations, memory)
         return self.action.chosen(add_spread(outputs, observations, self.spread)), after
 
@@ -184,11 +185,12 @@ class GruPolicy(ArrayPolicy):
         return after @ self._outputs + self.arrays["output_bias"], after
 
     @property
+    @override
     def settings(self) -> dict[str, Any]:
-        """See `Policy`."""
         return {"spread": self.spread}
 
     @classmethod
+    @override
     def of_arrays(
         cls,
         observation_names: tuple[str, ...],
@@ -196,7 +198,6 @@ class GruPolicy(ArrayPolicy):
         arrays: Mapping[str, NDArray[Any]],
         settings: Mapping[str, Any],
     ) -> Self:
-        """Return the network; see `Policy`."""
         spread = read_spread(settings, action)
         k, o = len(observation_names), action.n_outputs
         ends = check_arrays(arrays, {"encoder": (None, k), "outputs": (o, None)})

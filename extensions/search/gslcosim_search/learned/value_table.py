@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from gslcosim_search.learned.encoding import N_HEADINGS
 from gslcosim_search.learned.policy import (
@@ -57,17 +58,17 @@ class LevelFeature(StateFeature):
     cuts: tuple[float, ...]
 
     @property
+    @override
     def n_classes(self) -> int:
-        """See `StateFeature`."""
         return len(self.cuts) + 1
 
     @property
+    @override
     def observed(self) -> tuple[str, ...]:
-        """See `StateFeature`."""
         return (self.observation,)
 
+    @override
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
-        """See `StateFeature`."""
         return np.searchsorted(np.array(self.cuts), seen[0], side="right").astype(np.int64), memory
 
 
@@ -77,8 +78,8 @@ class ChangeFeature(LevelFeature):
 
     start = math.inf
 
+    @override
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
-        """See `StateFeature`."""
         grown = np.where(np.isinf(memory), np.float32(0.0), seen[0] - memory)
         return np.searchsorted(np.array(self.cuts), grown, side="right").astype(np.int64), seen[0].copy()
 
@@ -90,8 +91,8 @@ class SinceFeature(LevelFeature):
     above: float
     start = math.inf
 
+    @override
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
-        """See `StateFeature`."""
         n_since = np.where(seen[0] > self.above, np.float32(0.0), memory + np.float32(1.0))
         return np.searchsorted(np.array(self.cuts), n_since, side="right").astype(np.int64), n_since
 
@@ -105,17 +106,17 @@ class SectorFeature(StateFeature):
     n_sectors: int
 
     @property
+    @override
     def n_classes(self) -> int:
-        """See `StateFeature`."""
         return self.n_sectors
 
     @property
+    @override
     def observed(self) -> tuple[str, ...]:
-        """See `StateFeature`."""
         return (self.sin, self.cos)
 
+    @override
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
-        """See `StateFeature`."""
         return find_sectors(seen[0], seen[1], self.n_sectors), memory
 
 
@@ -134,17 +135,17 @@ class WindPositionFeature(StateFeature):
     cuts: tuple[float, ...]
 
     @property
+    @override
     def n_classes(self) -> int:
-        """See `StateFeature`."""
         return (len(self.cuts) + 1) ** 2
 
     @property
+    @override
     def observed(self) -> tuple[str, ...]:
-        """See `StateFeature`."""
         return (self.x, self.y, self.sin, self.cos)
 
+    @override
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
-        """See `StateFeature`."""
         x, y, sines, cosines = seen
         angles = 2 * math.pi * find_sectors(sines, cosines, N_HEADINGS) / N_HEADINGS
         sin, cos = np.sin(angles), np.cos(angles)
@@ -233,8 +234,8 @@ class ValueTable(ArrayPolicy):
         """Number of states that the features make."""
         return math.prod(digit.n_classes for digit in self.digits)
 
+    @override
     def memory(self, n: int) -> Floats:
-        """Return a number for each digit, and how many refusals there were in a row, (n, digits + 1); see `Policy`."""
         return np.tile(self._starts, (n, 1))
 
     def states(self, observations: Floats, memory: Floats) -> tuple[States, Floats]:
@@ -255,8 +256,8 @@ class ValueTable(ArrayPolicy):
         sine, cosine = (observations[:, self.observation_names.index(name)] for name in self.turns_with)
         return np.where(choices < N_HEADINGS, (choices + find_sectors(sine, cosine, N_HEADINGS)) % N_HEADINGS, choices)
 
+    @override
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
-        """Look the states up; see `Policy`."""
         states, after = self.states(observations, memory)
         choices = nth_best_choices(self.values[states], after[:, -1])
         if self.explores:
@@ -265,8 +266,8 @@ class ValueTable(ArrayPolicy):
         return self.turned(choices, observations), after
 
     @property
+    @override
     def settings(self) -> dict[str, Any]:
-        """See `Policy`."""
         names = {kind: name for name, kind in DIGITS.items()}
         digits = [{"digit": names[type(digit)], **asdict(digit)} for digit in self.digits]
         return {
@@ -274,6 +275,7 @@ class ValueTable(ArrayPolicy):
         }  # fmt: skip
 
     @classmethod
+    @override
     def of_arrays(
         cls,
         observation_names: tuple[str, ...],
@@ -281,7 +283,6 @@ class ValueTable(ArrayPolicy):
         arrays: Mapping[str, NDArray[Any]],
         settings: Mapping[str, Any],
     ) -> Self:
-        """Return the table; see `Policy`."""
         listed, turns_with = settings.get("digits"), settings.get("turns_with")
         if not isinstance(listed, list | tuple) or not listed:
             raise PolicyError(f"settings.digits: expected a list of digits, was {listed!r}.")
