@@ -12,7 +12,6 @@ from briefings import briefing, observation
 
 from gslcosim.contract.messages import Bounds
 from gslcosim.runtime.agents.loader import load_python_agent
-from gslcosim_search.beliefs import entropy_bits
 from gslcosim_search.information.pomdp import OffsetGrid, PlumeTable, offsets_m
 from gslcosim_search.motion.legs import LegSpace
 
@@ -73,16 +72,6 @@ def seen(ppm=0.0, position_m=(4.0, 3.0, 2.0), tick=40, **more):
     return observation(tick=tick, position_m=position_m, readings={"nose": ppm, "vane": (0.5, math.pi)}, **more)
 
 
-def test_cells_reach_every_wall_and_the_searcher_is_in_the_middle():
-    env = world()
-    assert env.N % 2 == 1
-    assert env.agent == [env.N // 2] * 2
-    assert env.grid.centre_m(env.agent) == pytest.approx((4.0, 3.0))
-    assert env.p_source.sum() == pytest.approx(1.0)
-    inside_m = env.grid.centres_m()[env.is_inside.ravel()]
-    assert (inside_m.min(axis=0), inside_m.max(axis=0)) == (pytest.approx([1.0, 1.0]), pytest.approx([9.0, 5.0]))
-
-
 def test_moves_step_along_axes_and_not_through_walls_nor_to_refused_cells():
     env = world()
     i, j = env.agent
@@ -102,18 +91,6 @@ def test_what_a_policy_reads_off_is_the_chance_of_each_number_of_hits_from_each_
     expected = np.array([TABLE.likelihood(k, offsets).reshape(env.N, env.N) for k in range(3)])
     expected[:, cell[0], cell[1]] = 0.0
     assert chances == pytest.approx(expected)
-
-
-def test_a_hit_makes_upwind_cells_likelier_and_the_entropy_is_that_of_the_belief():
-    env = world()
-    before = env.p_source.copy()
-    env.learn(2, TABLE, 0.0, 1.0)
-    i, j = env.agent
-    assert env.p_source[i - 2, j] > before[i - 2, j]
-    assert env.p_source[i + 2, j] < before[i + 2, j]
-    assert env.p_source.sum() == pytest.approx(1.0)
-    assert env.entropy == pytest.approx(entropy_bits(env.p_source)) == pytest.approx(env._entropy(env.p_source))
-    assert env.hit_map[i, j] == 2
 
 
 def test_distances_are_those_of_the_norm_that_is_asked_for():

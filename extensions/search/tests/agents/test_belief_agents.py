@@ -34,22 +34,6 @@ def test_it_follows_a_plume_to_its_source(agent_type, nose):
     assert flight.found_s < 90.0
 
 
-@pytest.mark.slow
-@every_agent
-def test_it_finds_a_plume_from_beside_it(agent_type):
-    assert fly(agent_type, PLUME, start_m=(16.0, 2.0, 2.0)).found_s is not None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("agent_type", [ParticleFilter, SourceTermEstimation])
-def test_another_seed_gives_other_commands(agent_type):
-    first, other = (
-        fly(agent_type, PLUME, start_m=(16.0, 2.0, 2.0), limit_s=60.0, seed=seed, found_m=0.0).commands
-        for seed in (3, 4)
-    )
-    assert first != other
-
-
 @every_agent
 def test_beliefs_are_probabilities_that_draw_near_the_source(agent_type):
     beliefs = [c.belief for c in fly(agent_type, PLUME).commands if c.belief is not None]
@@ -86,19 +70,6 @@ def test_a_source_is_never_believed_in_a_wall_of_a_granted_map(agent_type):
     belief = next(c.belief for c in reversed(flight.commands) if c.belief is not None)
     grid = CellGrid(belief.origin_m[:2], belief.cell_m, belief.probability.shape)
     assert belief.probability.to_array()[grid.cell_at((8.5, 5.0))] == 0.0
-
-
-@pytest.mark.parametrize("agent_type", [SourceMapAgent, HiddenMarkov])
-def test_a_finding_changes_the_map_and_silence_of_a_warming_sensor_does_not(agent_type):
-    agent = agent_type(briefing(sensors=SENSORS))
-    for tick in range(60):
-        agent.observe(observation(tick=tick, readings={"nose": 0.0, "vane": (0.5, WEST)}, warming=("nose",)))
-    assert np.ptp(agent.map.probability()) == pytest.approx(0.0, abs=1e-12)
-    for tick in range(60, 120):
-        agent.observe(observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}))
-    p, grid = agent.map.probability(), agent.grid
-    upwind = grid.centres_m()[:, 0].reshape(grid.shape) < 7.0
-    assert p[upwind].sum() > 1.3 * upwind.mean()
 
 
 def test_particles_are_born_with_the_first_gas_and_forgotten_with_a_wrong_place():

@@ -3,7 +3,6 @@ import math
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.base.errors import MethodError
 from gslcosim_agents.braitenberg.agent import Braitenberg
 
 SENSORS = [("pid", "left", (0.0, 0.2, 0.0)), ("pid", "right", (0.0, -0.2, 0.0))]
@@ -53,17 +52,9 @@ def test_noses_of_two_kinds_have_ranges_of_their_own():
     assert decide(agent, 1e4, 100.0).yaw_rad == pytest.approx(0.0)
 
 
-def test_it_rests_where_there_is_the_most_gas():
-    assert speed_m_s(decide(vehicle(gain=1.0), 10.0, 10.0)) == pytest.approx(0.0)
-
-
 def test_turns_are_limited_and_add_up():
     agent = vehicle(most_turn_rad_s=0.2)
     assert [decide(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
-
-
-def test_noise_in_clean_air_hardly_turns_it():
-    assert abs(decide(vehicle(), 0.01, 0.0).yaw_rad) < 0.02
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -87,14 +78,3 @@ def test_it_comes_back_to_its_height():
 
 def test_a_sensor_that_warms_up_shows_nothing():
     assert speed_m_s(decide(vehicle(), 50.0, 50.0, warming=("left", "right"))) == pytest.approx(0.4)
-
-
-def test_resistances_slow_the_wheels_down_when_they_fall():
-    agent = vehicle([("tgs2600", "left", (0.0, 0.2, 0.0)), ("tgs2600", "right", (0.0, -0.2, 0.0))])
-    decide(agent, 5e4, 5e4)
-    assert decide(agent, 2e4, 5e4).yaw_rad > 0.1
-
-
-def test_noses_behind_each_other_are_refused():
-    with pytest.raises(MethodError, match="across the vehicle"):
-        vehicle([("pid", "left", (0.2, 0.0, 0.0)), ("pid", "right", (-0.2, 0.0, 0.0))])

@@ -43,8 +43,3 @@ def test_without_a_channel_it_searches_alone():
     alone = beetle(members=())
     alone.decide(seen(CLEAN))
     assert alone.decide(seen(GAS)).outgoing == ()
-
-
-def test_its_lengths_are_parameters():
-    x_m, y_m, _ = beetle(leg_m=1.2).decide(seen(CLEAN)).position_world_m
-    assert math.dist((x_m, y_m), HERE_M[:2]) == pytest.approx(1.2)

@@ -1,6 +1,5 @@
 import math
 
-import numpy as np
 import pytest
 from briefings import task_of
 from team_flight import TeamFlight, plume
@@ -24,22 +23,6 @@ def agents_of(flight):
 
 def findings_of(agent):
     return {(finding.finder, finding.number): finding for finding in agent.belief.findings}
-
-
-@pytest.mark.parametrize("loss_frac", [0.0, 0.3])
-def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac):
-    """Each has heard them in an order of its own; what one still lacks is sent to it at last."""
-    flight = team(loss_frac=loss_frac)
-    flight.fly(25.0)
-    agents = agents_of(flight)
-    known = {key: finding for agent in agents for key, finding in findings_of(agent).items()}
-    orders = {tuple(findings_of(agent)) for agent in agents}
-    for agent in agents:
-        for finding in known.values():
-            agent.belief.add(finding)
-    assert len(known) > 20
-    assert len(orders) > 1
-    assert all(np.array_equal(agent.belief.p, agents[0].belief.p) for agent in agents)
 
 
 def test_findings_that_were_lost_are_sent_again():

@@ -38,14 +38,6 @@ def test_it_begins_again_after_so_many_legs_with_the_same_best():
     assert restarts == [0.0] * 5 + [1.0] * 3
 
 
-def test_the_old_best_is_forgotten_and_less_gas_counts_again():
-    agent = made(patience=3, declares=False)
-    for i in range(4):
-        answer(agent, i, ppm=9.0 if i == 0 else 1.0)
-    answer(agent, 4, ppm=1.0)
-    assert agent.swarm_best().amount == 1.0
-
-
 def test_it_spreads_for_so_many_legs():
     agent = made(patience=3, spread_legs=2, declares=False)
     for i in range(4):

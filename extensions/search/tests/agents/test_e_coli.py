@@ -36,34 +36,6 @@ def test_it_flies_on_while_the_gas_grows_and_anywhere_when_it_does_not():
     assert gas == lost
 
 
-def test_a_fall_within_the_dead_band_is_no_gas_but_without_a_band_it_is():
-    ohms = [50_000.0, 49_900.0]
-    banded, strict = headings_rad(agent(), ohms), headings_rad(agent(eps=0.0), ohms)
-    assert banded[0] != banded[1]
-    assert strict[0] == strict[1]
-
-
-def test_the_first_leg_is_drawn_whatever_the_sensor_shows():
-    seen = observation(readings={"nose": 100.0}, position_m=HERE_M)
-    ends_m = {EColi(briefing(seed=seed)).decide(seen).position_world_m for seed in (1, 2)}
-    assert len(ends_m) == 2
-
-
-def test_a_surge_that_was_refused_is_not_flown_on():
-    flown = agent()
-    first = headings_rad(flown, [5e4])
-    refused = observation(tick=9, position_m=HERE_M, readings={"nose": 4e4}, notice="in an obstacle")
-    assert heading_rad(flown.decide(refused)) != first[0]
-
-
-def test_a_surge_at_a_wall_draws_and_keeps_what_it_drew():
-    flown, at_wall_m = agent(), (14.45, 5.0, 2.0)
-    seen = [observation(tick=i, position_m=at_wall_m, readings={"nose": 5e4 - 1e3 * i}) for i in range(4)]
-    ends_m = [flown.decide(one).position_world_m for one in seen]
-    assert all(x_m <= 14.5 for x_m, _, _ in ends_m)
-    assert len(set(ends_m)) == 1
-
-
 def test_the_mean_over_a_hold_can_be_compared_instead_of_the_last_reading():
     """A last reading below the one before, in a hold that is above it on the whole."""
     for measure, is_kept in (("last", True), ("mean", False)):
@@ -91,11 +63,6 @@ def test_any_gas_sensor_will_do(model, clean, gas):
     a, b, c = headings_rad(flown, [clean, gas, clean])
     assert a == b
     assert c != b
-
-
-def test_a_saturated_sensor_is_not_more_gas():
-    a, b = headings_rad(agent(), [500.0, 500.0])
-    assert a != b
 
 
 def at(radius_m, turns):

@@ -18,21 +18,6 @@ def steps_m(flown: EColi3d, ohms, here_m=HERE_M):
     return [tuple(np.round(np.subtract(end_m, here_m), 9)) for end_m in ends_m]
 
 
-def test_a_surge_keeps_heading_and_climb_together():
-    first, surge, lost = steps_m(EColi3d(briefing()), [5e4, 4e4, 5e4])
-    assert surge == first
-    assert lost[2] != first[2]
-
-
-def test_climbs_and_steps_have_their_sizes_and_keep_off_floor_and_ceiling():
-    climbs_m = [dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 200)]
-    assert 0.28 < max(climbs_m) <= 0.3
-    assert -0.3 <= min(climbs_m) < -0.28
-    low_m, high_m = (7.0, 5.0, 0.6), (7.0, 5.0, 7.4)
-    assert min(dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 100, low_m)) >= -0.1
-    assert max(dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 100, high_m)) <= 0.1
-
-
 def test_a_surge_through_a_known_wall_is_drawn_again_and_one_above_it_is_not():
     """A wall 3 m high, east of the vehicle, in a map in space."""
     occupied = np.zeros((30, 20, 16), np.uint8)

@@ -58,10 +58,3 @@ def test_with_four_noses_one_stop_is_enough():
         observation(position_m=(7.0, 5.0, 2.0), yaw_rad=math.pi / 2, readings=readings)
     ).position_world_m
     assert (x_m, y_m) == pytest.approx((8.0, 5.0), abs=0.002)
-
-
-def test_a_refused_leg_leads_elsewhere_next_time():
-    agent = searcher()
-    path_m = flown_m(agent, bump, n=8)
-    again = observation(tick=999, position_m=path_m[-2], readings={"nose": bump(path_m[-2])}, notice="refused")
-    assert math.dist(agent.decide(again).position_world_m, path_m[-1]) > 0.02

@@ -103,13 +103,6 @@ def test_no_two_objectives_are_the_same():
     assert len({tuple(np.round(agent.costs(context), 6)) for agent in agents}) == len(agents) == 7
 
 
-def test_infotaxis_declares_only_what_it_is_sure_of():
-    agent = made(Infotaxis)
-    assert agent.decide(at(4.0, (7.0, 5.0, 2.0), ppm=1.0)).kind == "waypoint"
-    sure_of(agent, (3.2, 5.2))
-    assert agent.decide(at(8.0, (7.0, 5.0, 2.0), ppm=1.0)).kind == "declare_source"
-
-
 def test_what_it_decides_is_the_arithmetic_of_its_readme():
     """The formulas of the README, written down once more with plain numbers: what another language must repeat."""
     agent = informed(made(Infotaxis, declares=False, n_headings=4), 3)
@@ -156,39 +149,6 @@ def test_infotaxis_3d_climbs_or_dives_to_a_source_above_or_below(height_m, sign)
     assert sign * (end_m[2] - start_m[2]) == pytest.approx(1.0)
 
 
-def test_infotaxis_3d_keeps_away_from_floor_and_ceiling():
-    agent = made(Infotaxis3d)
-    for z_m in (0.5, 7.5):
-        heights = [end[2] for end in agent.neighbours((7.0, 5.0, z_m))]
-        assert all(0.5 <= height <= 7.5 for height in heights)
-
-
-def test_a_place_where_something_was_found_counts_half():
-    agent = made(Entrotaxis, declares=False, stop_s=1.0)
-    for k in range(21):
-        agent.observe(at(4.0 + 0.1 * k, (7.0, 5.0, 2.0)))
-    agent.decide(at(6.0, (7.0, 5.0, 2.0)))
-    around = agent.build_context((8.5, 5.0))
-    back = int(np.argmin(np.linalg.norm(around.places_m - (7.0, 5.0), axis=1)))
-    assert around.novelty[back] < 0.6
-    assert np.delete(around.novelty, back) == pytest.approx(1.0)
-
-
-def test_cold_free_energy_nears_the_place_that_it_is_sure_of():
-    agent = made(CognitiveSearch, declares=False, reward="free_energy", temperature=0.0)
-    sure_of(agent, (12.2, 5.2))
-    place_m, _ = chosen(agent)
-    assert place_m == pytest.approx((8.5, 5.0, 2.0))
-
-
-def test_without_exploration_it_nears_the_mean_of_its_belief():
-    agent = informed(made(DualControl, declares=False, exploration=0.0))
-    start_m = np.array((2.0, 2.0, 2.0))
-    place_m, context = chosen(agent, tuple(start_m))
-    nearest = np.argmin(np.linalg.norm(context.places_m - context.mean_m, axis=1))
-    assert place_m[:2] == pytest.approx(context.places_m[nearest])
-
-
 def test_dual_control_does_not_wait_in_the_middle_of_an_even_belief():
     agent, place_m, places = made(DualControl), (7.5, 5.0, 2.0), []
     for k in range(8):
@@ -197,8 +157,3 @@ def test_dual_control_does_not_wait_in_the_middle_of_an_even_belief():
             agent.observe(at(4.0 * k + 0.1 * i, place_m))
         place_m = agent.decide(at(4.0 * k + 3.1, place_m)).position_world_m
     assert len({tuple(np.round(place, 1)) for place in places}) >= 6
-
-
-def test_n_step_infotaxis_looks_at_all_places_of_two_steps():
-    _, context = chosen(made(NStepInfotaxis))
-    assert len(context.tree(2).candidates.places_m) == 13

@@ -53,12 +53,6 @@ def test_who_is_led_into_a_declared_region_flies_elsewhere_before_gas_counts_aga
     assert legs[-1] == pytest.approx([-1.0, 0.0], abs=2e-3)  # upwind again
 
 
-def test_gas_beyond_the_region_counts_as_before():
-    agent = made()
-    agent.forbid((12.0, 5.0))
-    assert step(answer(agent, ppm=5.0)) == pytest.approx([-1.0, 0.0], abs=2e-3)
-
-
 def test_what_others_have_declared_is_forbidden_too_and_passed_on():
     agent = made()
     report = parse(answer(agent, heard=[("first", "g 39 900 900 200 0 n0 1250 475")]).outgoing[0].text)

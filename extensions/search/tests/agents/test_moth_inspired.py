@@ -32,8 +32,3 @@ def test_it_tracks_out_straight_upwind_and_then_flies_a_cloverleaf_about_the_las
     clover = places[2:14]
     assert max(math.dist(place, START_M) for place in clover) <= 1.5 + 0.001
     assert sum(math.dist(place, START_M) < 0.002 for place in clover) == 4
-
-
-def test_the_cloverleaf_ends_with_new_places():
-    places = flown(made(parameters={"lost_m": 1.0, "leaf_m": 0.5}), [1.0] + [0.0] * 25)
-    assert len(set(places[14:])) == len(places[14:])

@@ -54,9 +54,3 @@ def test_a_notice_where_it_wanted_to_go_is_no_reason_to_go_on():
     assert (
         agent.decide(observation(position_m=(5.0, 2.0, 1.3), notice="moved to a free place")).kind == "declare_source"
     )
-
-
-def test_it_may_be_set_not_to_declare():
-    agent = oracle(parameters={"declares": False})
-    agent.decide(observation(position_m=START_M))
-    assert agent.decide(observation(position_m=NEAR_M)).kind == "hold"

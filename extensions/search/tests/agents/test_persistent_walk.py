@@ -33,11 +33,3 @@ def test_it_keeps_its_heading_with_the_chance_that_it_is_given(persistence):
 def test_it_never_turns_with_a_persistence_of_one_but_for_what_is_in_its_way():
     assert share_kept(headings_rad(persistence=1.0)) == 1.0
     assert share_kept(headings_rad(persistence=1.0, notice="in an obstacle")) == 0.0
-
-
-def test_at_a_wall_it_keeps_what_it_has_drawn():
-    walker, at_wall_m = PersistentWalk(briefing(parameters={"persistence": 1.0})), (14.4, 5.0, 2.0)
-    first = walker.decide(observation(position_m=at_wall_m)).position_world_m
-    again = walker.decide(observation(position_m=at_wall_m)).position_world_m
-    assert first[0] <= 14.5
-    assert again == first

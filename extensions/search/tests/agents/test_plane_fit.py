@@ -1,4 +1,3 @@
-import itertools
 import math
 
 import numpy as np
@@ -60,16 +59,3 @@ def test_the_others_go_on_when_one_is_lost():
     starts = {**STARTS, "dan": (12.5, 4.0)}
     flight = TeamFlight(PlaneFit, starts, gas=plume(SOURCE), lost_at_s={"ada": 12.0})
     assert flight.fly(200.0, lambda f: f.nearest_m(SOURCE) < 1.0) < 200.0
-
-
-def test_a_refused_leg_is_not_repeated_as_it_was():
-    flight = TeamFlight(PlaneFit, STARTS, gas=slope(math.pi), refuses=lambda x, _: x < 10.0)
-    flight.fly(30.0)
-    n_refused = 0
-    for vehicle in flight.vehicles.values():
-        legs = [command.position_world_m for command in vehicle.commands if command.kind == "waypoint"]
-        for leg, following in itertools.pairwise(legs):
-            if leg[0] < 10.0:
-                n_refused += 1
-                assert following != leg
-    assert n_refused > 0

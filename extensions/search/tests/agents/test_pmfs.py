@@ -39,29 +39,6 @@ def stop_at(agent, tick: int, position_m, *, ppm: float, notice=None, nose="nose
     return agent.decide(seen)
 
 
-def test_gas_raises_the_hit_map_where_it_was_met_and_clean_air_lowers_it():
-    agent, grid = searcher(), searcher().flights.grid
-    with_gas, clean = (28, 20), (36, 32)
-    for tick, cell, ppm in ((40, with_gas, 5.0), (60, clean, 0.0)):
-        stop_at(agent, tick, (*grid.centre_m(cell), 2.0), ppm=ppm)
-    hits = agent.method.hit_probability
-    assert hits[with_gas] > 0.9
-    assert hits[clean] < 0.05
-    assert hits[5, 5] == pytest.approx(agent.settings.prior, abs=1e-3)
-
-
-def test_sources_are_scored_every_few_stops_only():
-    agent = searcher("pmfs_published", stops_per_update=2, explore_first=2)
-    beliefs = []
-    for i in range(4):
-        stop_at(agent, 40 + 20 * i, (7.0 + 0.5 * i, 5.0, 2.0), ppm=5.0)
-        beliefs.append(agent.method.p.copy())
-    is_even = [belief[belief > 0].max() == pytest.approx(belief[belief > 0].min()) for belief in beliefs]
-    assert is_even == [True, False, False, False]
-    assert (beliefs[1] == beliefs[2]).all()
-    assert (beliefs[2] != beliefs[3]).any()
-
-
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [
@@ -84,22 +61,6 @@ def test_a_place_where_the_sensor_was_not_ready_shows_nothing():
     agent.observe(seen)
     assert agent.decide(seen).kind == "waypoint"
     assert (agent.method.confidence == 0.0).all()
-
-
-@both_forms
-def test_a_refused_goal_is_given_up(name):
-    agent = searcher(name)
-    first = stop_at(agent, 40, START_M, ppm=0.0)
-    second = stop_at(agent, 60, START_M, ppm=0.0, notice="expected a free place")
-    third = stop_at(agent, 80, START_M, ppm=0.0, notice="expected a free place")
-    assert len({command.position_world_m for command in (first, second, third)}) == 3
-
-
-def test_what_it_publishes_is_its_belief_at_search_height():
-    belief = stop_at(searcher(), 40, START_M, ppm=5.0).belief
-    assert belief is not None
-    assert belief.origin_m[2] == 2.0
-    assert belief.probability.to_array().sum() == pytest.approx(1.0, abs=1e-3)
 
 
 @both_forms

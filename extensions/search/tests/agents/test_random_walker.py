@@ -27,12 +27,6 @@ def test_legs_have_one_length_and_end_inside_the_margin_at_the_height_of_the_sea
     assert all(0.5 <= x <= 14.5 and 0.5 <= y <= 9.5 and z == 2.0 for x, y, z in path_m)
 
 
-def test_it_needs_no_sensors_and_equal_seeds_give_equal_walks():
-    agent_briefing = briefing(sensors=[("pid", "nose")], seed=5)
-    assert places_m(RandomWalker(agent_briefing)) == places_m(RandomWalker(briefing(seed=5)))
-    assert places_m(RandomWalker(agent_briefing)) != places_m(RandomWalker(briefing(seed=6)))
-
-
 def test_a_known_wall_is_not_flown_through():
     known = open_map(walls=[(7.5, 0.0, 8.0, 10.0)])
     solid, here_m = OccupancyMap.of(known), HERE_M

@@ -33,19 +33,6 @@ def test_texts_that_get_lost_do_not_keep_the_swarm_from_the_top():
     assert swarm.fly(200.0, lambda swarm: swarm.tick % 50 == 0 and math.dist(best_of(swarm).place_m, TOP_M) < 0.5)
 
 
-def test_bests_are_not_where_the_robots_are_after_worse_readings():
-    """Each best is the place of the best reading of the robot's own track, whatever was flown since."""
-    swarm = ToySwarm(SPso, CORNERS[:3], hill(*TOP_M), seed=2, parameters={"fades_s": 0, "declares": False})
-    swarm.fly(40.0)
-    for robot in swarm.robots:
-        best = robot.agent.own_best
-        measured = [place for place, asked in zip(robot.track_m, [True] * len(robot.track_m)) if asked]
-        nearest = min(math.dist(place, TOP_M) for place in measured)
-        assert math.dist(best.place_m, TOP_M) == pytest.approx(nearest, abs=1.0)
-        assert best.amount == pytest.approx(hill(*TOP_M)(*best.place_m), rel=0.02)
-    assert any(math.dist(r.agent.own_best.place_m, r.place_m) > 0.3 for r in swarm.robots)
-
-
 def test_robots_keep_apart_in_a_crowd():
     """Five at one place drive each other apart: nobody stays within the distance of repulsion of all others."""
     around = [(7.0 + 0.3 * math.cos(k), 7.0 + 0.3 * math.sin(k)) for k in range(5)]
@@ -54,11 +41,3 @@ def test_robots_keep_apart_in_a_crowd():
     places = np.array([robot.place_m for robot in swarm.robots])
     gaps = [min(np.hypot(*(a - b)) for j, b in enumerate(places) if j != i) for i, a in enumerate(places)]
     assert max(gaps) > 0.9
-
-
-def test_before_any_gas_it_searches_the_room():
-    swarm = ToySwarm(SPso, CORNERS[:2], lambda x, y: 0.0, seed=4)
-    swarm.fly(60.0)
-    tracks = np.array([robot.track_m for robot in swarm.robots])
-    assert np.ptp(tracks[..., 0]) > 5.0
-    assert np.ptp(tracks[..., 1]) > 5.0

@@ -39,19 +39,6 @@ def test_roles_are_swapped_when_the_colder_robot_stands_worse():
 
 
 @pytest.mark.slow
-def test_a_hotter_squad_is_spread_wider():
-    """With all robots equally hot, what they spread over grows with the temperature."""
-    spans = []
-    for temperature in (0.01, 3.0):
-        flight = squad(gas=lambda _x, _y: 0.0, parameters={"coldest": temperature, "hottest": temperature})
-        flight.fly(60.0)
-        tracks = [np.array(vehicle.track_m) for vehicle in flight.vehicles.values()]
-        legs = [np.hypot(*np.diff(track, axis=0).T).sum() for track in tracks]
-        spans.append(np.mean(legs))
-    assert spans[1] > spans[0]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("loss_frac", [0.0, 0.1])
 def test_a_squad_finds_the_source_of_a_plume(loss_frac):
     flight = squad(loss_frac=loss_frac)

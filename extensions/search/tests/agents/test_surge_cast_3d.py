@@ -33,11 +33,6 @@ def test_when_a_height_is_seen_it_explores_above_and_then_below():
     assert list(dict.fromkeys(heights))[:3] == [2.0, 3.0, 1.0]
 
 
-def test_heights_stay_within_the_margin():
-    agent = made(parameters={"lost_m": 1.0, "cast_height_m": 10.0, "explore_step_m": 8.0, "layer_m": 10.0})
-    assert all(0.5 <= z <= 7.5 for _, _, z in flown(agent, ([1.0] + [0.0] * 10) * 3))
-
-
 def test_of_a_thin_plume_above_its_height_it_makes_more_than_the_plane_search():
     plume = Ribbon(height_m=3.0, half_m=0.3, wave_m=0.8)
     starts = [(16.0, 5.0, 2.0), (17.0, 2.0, 2.0), (12.0, 8.0, 2.0)]

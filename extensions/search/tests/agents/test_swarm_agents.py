@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from briefings import briefing, observation
 
@@ -14,7 +13,7 @@ from gslcosim_agents.gso.agent import Gso
 from gslcosim_agents.modified_gso.agent import ModifiedGso
 from gslcosim_agents.pso_wu.agent import PsoWu
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
-from gslcosim_search.swarms.rounds import Report, Team, encode, parse
+from gslcosim_search.swarms.rounds import parse
 
 SPso = load_python_agent(bundled_agents()["s_pso"])
 
@@ -187,16 +186,3 @@ def test_a_resistance_without_an_estimate_is_enough(agent_type):
         for i, ohm in enumerate((50_000.0, 49_900.0, 40_000.0, 25_000.0))
     ]
     assert amounts == pytest.approx([0.0, 0.0, 0.25, 1.0])
-
-
-def test_teams_of_one_process_share_nothing():
-    """Two agents in one process hear each other only when the channel carries it."""
-    one, other = made(SPso, name="first", seed=1), made(SPso, name="third", seed=2)
-    answer(one, seen(ppm=9.0))
-    assert other.swarm_best() is None
-    text = encode(Report(time_s=4.0, position_m=(7.0, 5.0, 2.0), amount=9.0), max_bytes=64)
-    other.observe(seen(tick=41, heard=[("first", text)]))
-    other.now_s = 4.1
-    assert other.swarm_best().amount == pytest.approx(9.0, rel=0.01)
-    assert isinstance(one.team, Team)
-    assert np.array_equal(one.place_m, (7.0, 5.0))

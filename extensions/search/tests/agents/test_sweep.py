@@ -64,12 +64,6 @@ def test_after_refusals_it_rests_at_bends_then_flies_them_one_by_one_and_leaves_
     assert agent.decide(seen).position_world_m == places_m[1]
 
 
-def test_it_survives_the_refusal_of_everything():
-    agent = sweep()
-    for _ in range(60):
-        assert agent.decide(observation(position_m=START_M, notice="expected a free place")).kind != "hold"
-
-
 def test_each_height_is_swept():
     command = sweep(heights_m=(1.0, 3.0), speed_m_s=0).decide(observation(position_m=START_M))
     heights_m = [z_m for _, _, z_m in bends_m(command)]

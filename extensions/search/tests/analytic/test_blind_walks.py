@@ -17,7 +17,6 @@ from gslcosim.base.bundled import bundled_agents
 from gslcosim.contract.messages import Bounds
 from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_agents.e_coli.agent import EColi
-from gslcosim_agents.e_coli_3d.agent import EColi3d
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.reactive.random_walks import RunAndTumble
@@ -131,11 +130,6 @@ def test_success_falls_with_the_distance_of_the_start_as_it_does_there():
 
 
 @pytest.mark.slow
-def test_the_other_source_is_as_hard():
-    check(times_s(lambda seed: walker(seed, 0.0), 80, hold_s=2.0, source_m=EVEN_M), 15.0)
-
-
-@pytest.mark.slow
 def test_a_blind_walk_in_space_hardly_ever_finds_the_source():
     """From 4 m, the source at 2 m, judged in space, with climbs of at most 0.3 m."""
 
@@ -177,24 +171,3 @@ def share_kept(new_walk, n=600) -> float:
 def test_noise_is_a_coin_without_a_dead_band_and_nothing_with_it():
     assert share_kept(agent_walk(EColi, noisy_air(1), eps=0.0)) == pytest.approx(0.48, abs=0.06)
     assert share_kept(agent_walk(EColi, noisy_air(1))) < 0.01
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(("persistence", "hold_s"), SUCCESS)
-def test_success_without_gas_with_many_runs(persistence, hold_s):
-    check(times_s(lambda seed: walker(seed, persistence), 1000, hold_s=hold_s), SUCCESS[persistence, hold_s])
-
-
-@pytest.mark.soak
-def test_e_coli_in_noise_finds_as_much_by_luck_as_a_walk_that_tosses_a_coin():
-    """At holds of 2 s. Comparisons of readings that share one are not quite independent, which costs it a point."""
-    found = times_s(agent_walk(EColi, noisy_air(1), eps=0.0), 200, hold_s=2.0)
-    percent, error = percent_and_error(found)
-    assert percent == pytest.approx(SUCCESS[0.5, 2.0], abs=1.0 + 3.0 * error)
-    assert percent > SUCCESS[0.0, 2.0] + 3.0 * error
-
-
-@pytest.mark.soak
-def test_e_coli_in_space_without_gas_hardly_ever_finds_the_source():
-    new = agent_walk(EColi3d, clean_air)
-    check(times_s(new, 200, hold_s=2.0, source_m=(*ODD_M, 2.0), height_m=(4.0,)), 2.2)

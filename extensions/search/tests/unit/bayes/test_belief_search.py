@@ -114,13 +114,6 @@ def test_without_gas_it_goes_towards_where_the_source_is_believed(planner):
     assert command.hold_s == 0.0
 
 
-def test_an_even_belief_sends_it_away_from_where_it_is():
-    made = search()
-    here = warmed(made)
-    goal_m = made.goal_m(here, chance_of(made, here))
-    assert math.dist(goal_m, (7.0, 5.0)) >= 0.5
-
-
 def test_a_place_is_declared_when_the_vehicle_is_there_and_then_left():
     made = search()
     here = warmed(made)
@@ -143,13 +136,6 @@ def test_a_place_far_away_is_flown_to_before_it_is_declared():
     assert command.position_world_m[0] > 7.5
     made.observe(seen(60))
     assert made.rejected_m == []
-
-
-def test_the_same_place_is_not_declared_again():
-    made = search()
-    here = warmed(made)
-    made.found = Estimate(position_m=(7.3, 5.2), confidence=0.8)
-    assert [made.decide(each).kind for each in (here, seen(60))] == ["declare_source", "waypoint"]
 
 
 def test_a_place_that_cannot_be_reached_is_declared_from_where_the_vehicle_came():

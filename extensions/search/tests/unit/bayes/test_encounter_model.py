@@ -12,7 +12,6 @@ from gslcosim_search.bayes.encounter_model import (
     hit_probability,
     likelihoods,
     log_k0,
-    meander_diffusivity_m2_s,
     nominal_dispersal,
 )
 
@@ -53,16 +52,7 @@ def test_log_k0_has_all_digits_up_to_two_where_it_is_a_series():
     assert [log_k0(one) for one in x] == pytest.approx(np.log(kve(0, x)) - x, rel=1e-13, abs=1e-13)
 
 
-def test_log_k0_does_not_vanish_where_k0_does():
-    assert log_k0(2000.0) == pytest.approx(-2000.0 - 0.5 * math.log(2000.0) + 0.5 * math.log(math.pi / 2.0), abs=1e-3)
-
-
 # ------------------------------------------------------------------------------------------------ with wind
-
-
-def test_constants_of_the_published_demonstration():
-    assert demo().length_m == pytest.approx(0.199205, abs=1e-6)
-    assert math.exp(demo().log_strength) == pytest.approx(1.19169, abs=1e-5)
 
 
 def test_the_rate_with_wind_is_the_published_formula():
@@ -78,14 +68,6 @@ def test_in_space_the_rate_is_the_published_formula():
     d = math.hypot(0.8, 0.3, 0.2)
     expected = 5.0 * 0.1 / d * math.exp(0.5 * 0.8 / 0.1 - d / model.length_m)
     assert mean_hits(model, (1.3, 0.4, 1.2), (0.5, 0.1, 1.0)) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("dimensions", [2, 3])
-def test_gas_is_met_downwind_of_the_source_and_hardly_upwind(dimensions):
-    source = (0.0,) * dimensions
-    rest = (0.0,) * (dimensions - 1)
-    model = demo(dimensions=dimensions)
-    assert mean_hits(model, (1.0, *rest), source) > 1000.0 * mean_hits(model, (-1.0, *rest), source)
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
@@ -127,10 +109,6 @@ def test_a_calibrated_source_is_met_as_often_as_stated_at_a_metre_downwind(wind_
 # ------------------------------------------------------------------------------------------------ a nominal plume
 
 
-def test_meander_is_the_square_of_the_crosswind_speed_times_its_memory():
-    assert meander_diffusivity_m2_s(0.5, 0.2, 5.0) == pytest.approx(0.05)
-
-
 def test_a_nominal_plume_gives_eddies_growth_and_the_age_at_which_puffs_fade():
     dispersal = granted()
     assert dispersal.diffusivity_m2_s == pytest.approx(0.0025)
@@ -142,12 +120,6 @@ def test_a_nominal_plume_gives_eddies_growth_and_the_age_at_which_puffs_fade():
 def test_at_a_metre_most_puffs_of_a_nominal_plume_are_met():
     puffs_in_a_stop = 20.0
     assert 0.5 * puffs_in_a_stop < granted().hits_at_1m <= puffs_in_a_stop
-
-
-def test_a_deaf_nose_meets_fewer_puffs_for_a_shorter_time():
-    sharp, deaf = granted(threshold_ppm=0.1), granted(threshold_ppm=5.0)
-    assert deaf.hits_at_1m < sharp.hits_at_1m
-    assert deaf.lifetime_s < sharp.lifetime_s
 
 
 def test_a_wandering_wind_widens_the_plume_and_gas_that_crossed_the_room_is_gone():

@@ -18,7 +18,6 @@ from gslcosim_search.bayes.hidden_markov import (
     likeliest_path,
     place_along_m,
 )
-from gslcosim_search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
 from gslcosim_search.beliefs import CellGrid, normalised
 
 TINY = CellGrid((0.0, 0.0), 1.0, (3, 2))
@@ -130,20 +129,6 @@ def test_the_likeliest_path_is_the_best_of_all(plume):
         found = likeliest_path(plume, sensor, source)
         assert found.log_likelihood == pytest.approx(math.log(best))
         assert found.cells == tuple((cell // n_y, cell % n_y) for cell in best_cells)
-
-
-def test_in_uniform_wind_the_chain_says_what_puff_tracing_says():
-    grid, winds = CellGrid((0.0, 0.0), 0.5, (41, 31)), np.tile([[0.4, 0.1]], (15, 1))
-    plume = build_chain_in_uniform_wind(grid, np.zeros(grid.shape, bool), winds, step_s=1.0, spread_m_sqrt_s=0.5)
-    chance = compute_arrival_probabilities(plume, (30, 15))[:-1].reshape(15, plume.n_hops // 15, *grid.shape)[:, 0][
-        ::-1
-    ]
-    variance = PuffModel(step_s=1.0, spread_m_sqrt_s=0.5).variances_m2(16)[1:]
-    for age in (5, 10, 15):
-        travelled_m = partial_sums_m(winds, 1.0)[age : age + 1]
-        sensor = np.array(grid.centre_m((30, 15)))
-        share, _ = trace_puffs(np.zeros(2), 0.5, 41, 31, sensor, travelled_m, variance[age - 1 : age], 0.9, 0.25)
-        assert 0.5 * np.abs(share - chance[age - 1]).sum() < 0.04
 
 
 def test_gas_does_not_pass_a_wall_nor_the_corner_between_two_solid_cells():

@@ -140,13 +140,6 @@ def test_good_particles_have_children_and_the_others_die_by_chance():
     assert 0.65 < share < 0.9
 
 
-def test_equal_particles_resampled_by_copies_all_have_one_child():
-    particles = cloud(300, seed=6)
-    before = np.sort(particles.places_m, axis=0)
-    particles.resample_by_copies(jitter_m=0.0)
-    assert np.sort(particles.places_m, axis=0) == pytest.approx(before)
-
-
 def test_a_floor_limits_what_one_finding_takes_away_and_impossible_findings_keep_the_cloud():
     particles = cloud(100)
     particles.weigh(np.where(np.arange(100) < 50, 0.0, -800.0), is_hit=False, floor_frac=0.2)

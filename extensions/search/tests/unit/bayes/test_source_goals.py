@@ -36,19 +36,6 @@ def test_information_is_the_mutual_information_of_source_and_finding():
         assert found[x] == pytest.approx(expected, abs=2e-9)
 
 
-def test_a_finding_that_is_sure_either_way_shows_the_entropy_of_a_coin():
-    p, chance = np.zeros((4, 1)), np.zeros((7, 1))
-    p[0], p[3] = 0.5, 0.5
-    chance[3] = 1.0  # only a source in the sensor's own cell is noticed
-    assert expected_information_bits(p, chance)[:, 0] == pytest.approx([1.0, 0.0, 0.0, 1.0], abs=1e-9)
-
-
-def test_where_gas_is_never_or_always_met_nothing_is_reported():
-    p = normalised(RNG.uniform(size=GRID.shape))
-    for always in (0.0, 1.0):
-        assert expected_information_bits(p, np.full((11, 7), always)).max() == pytest.approx(0.0, abs=1e-8)
-
-
 def test_mass_around_a_cell_is_the_sum_of_the_square_about_it():
     p = RNG.uniform(size=(7, 5))
     for reach in (0, 1, 2, 9):

@@ -122,14 +122,6 @@ def test_a_reading_is_as_likely_as_the_sensor_gives_it(sensor, frac):
         assert ((drawn > low) & (drawn <= high)).mean() == pytest.approx(np.trapezoid(density, middles), abs=0.01)
 
 
-def test_the_log_normal_sensor_is_a_distribution_whatever_the_amount():
-    for true in (0.01, 0.2, 3.0):
-        middles = np.geomspace(0.2, 1000.0, 4000)
-        density = [math.exp(log_likelihood_of_reading(z, true, 0.2, 0.8, 0.0, 0.7, LOG_NORMAL)) for z in middles]
-        missed = math.exp(log_likelihood_of_reading(0.0, true, 0.2, 0.8, 0.0, 0.7, LOG_NORMAL))
-        assert np.trapezoid(density, middles) + missed == pytest.approx(1.0, abs=2e-3)
-
-
 def test_a_miss_of_the_published_sensor_is_the_error_function_of_the_paper():
     for true in (0.0, 5e-3, 2e-2):
         expected = 0.35 * (1 + math.erf((5e-3 - true) / (5e-3 * math.sqrt(2)))) + 0.3
@@ -219,13 +211,6 @@ def covers(searcher, truth, mass=0.9):
 def test_on_its_own_model_the_posterior_covers_the_truth():
     covered = [covers(*flown(seed, 500, 8)[:2]) for seed in range(12)]
     assert sum(covered) >= 9
-
-
-@pytest.mark.soak
-@pytest.mark.timeout(900)
-def test_on_its_own_model_nine_of_ten_posteriors_cover_the_truth():
-    covered = [covers(*flown(seed, 1000, 8)[:2]) for seed in range(100)]
-    assert sum(covered) >= 90
 
 
 def test_after_hits_the_mean_is_near_the_source_and_the_particles_have_drawn_together():

@@ -55,10 +55,6 @@ def upwind_mass(search, x_m):
 # ------------------------------------------------------------------------------------------------ learning
 
 
-def test_it_begins_evenly_over_all_cells():
-    assert searcher().p == pytest.approx(1.0 / (30 * 20))
-
-
 def test_gas_points_upwind_and_clean_air_away_from_it():
     hit, miss = searcher(), searcher()
     even = upwind_mass(hit, 7.0)
@@ -199,18 +195,6 @@ def test_what_is_declared_is_the_place_of_the_belief_at_search_height():
     declared = search.decide(seen(5.0)).declaration
     assert math.dist(declared.position_world_m, (*search.grid.centre_m((12, 10)), 2.0)) < 0.1
     assert declared.confidence > 0.9
-
-
-def test_switched_off_it_never_declares():
-    search = searcher(declares=False)
-    search._memory.p = np.where(np.arange(600) == 250, 1.0, 0.0)
-    assert search.decide(seen(5.0)).kind == "waypoint"
-
-
-def test_a_belief_is_published_at_most_once_a_second():
-    search = searcher()
-    published = [search.decide(seen(5.0 + 0.4 * k)).belief is not None for k in range(6)]
-    assert published == [True, False, False, True, False, False]
 
 
 def test_the_published_belief_is_that_of_the_searcher():

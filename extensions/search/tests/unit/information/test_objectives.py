@@ -97,43 +97,6 @@ def test_the_chance_to_find_the_source_is_the_mass_within_reach():
                                                           ((2, 2), (3, 2), (1, 2), (2, 3), (2, 1))])  # fmt: skip
 
 
-def test_a_belief_without_doubt_has_no_entropy_left_to_lose():
-    p = np.zeros(GRID.n_cells)
-    p[7] = 1.0
-    predictions = predict_stops(p, candidates(reach_m=0.0))
-    assert infotaxis_cost(predictions) == pytest.approx(0.0)
-    assert information_gain_cost(predictions) == pytest.approx(0.0)
-    assert predictions.variance_m2 == pytest.approx(0.0)
-
-
-def test_a_stop_never_raises_the_entropy_that_is_expected():
-    for seed in range(20):
-        p = belief(seed)
-        assert (infotaxis_cost(predict_stops(p, candidates(reach_m=0.0))) <= entropy_bits(p) + 1e-12).all()
-
-
-def test_without_finding_and_tempering_divergence_and_entropy_drop_are_the_same():
-    p = belief()
-    predictions = predict_stops(p, candidates(reach_m=0.0))
-    assert -information_gain_cost(predictions) == pytest.approx(entropy_bits(p) - infotaxis_cost(predictions))
-
-
-def test_the_usual_form_of_dual_control_does_not_see_the_reading():
-    """|x - E'[s]|^2 + tr cov' averages to E|s - x|^2, whatever the reading tells: why ours keeps the mean of now."""
-    p, stops = belief(), candidates(reach_m=0.0)
-    predictions = predict_stops(p, stops)
-    usual = [
-        sum(
-            chance * (((stops.places_m[i] - q @ CELLS_M) ** 2).sum() + predictions.variance_m2[i, h])
-            for h, (chance, q) in enumerate(outcomes)
-        )
-        for i, outcomes in enumerate(by_hand(p, stops))
-    ]
-    blind = [float(p @ ((CELLS_M - place) ** 2).sum(axis=1)) for place in stops.places_m]
-    assert usual == pytest.approx(blind)
-    assert (predictions.predictive * predictions.square_m2).sum(axis=1) == pytest.approx(blind)
-
-
 def test_the_renyi_divergence_tends_to_that_of_kullback_and_leibler():
     p, stops = belief(), candidates()
     near_one = predict_stops(p, stops, alpha=1.0 - 1e-6)
@@ -202,18 +165,6 @@ def test_gains_of_several_steps_are_those_of_all_paths(depth, n_outcomes):
     p, tree = belief(), line_tree(n_outcomes)
     expected = [-gain_by_hand(p, tree, place, depth, 0.9) for place in tree.start]
     assert n_step_costs(p, tree, depth=depth, discount=0.9) == pytest.approx(expected)
-
-
-def test_one_step_ahead_is_infotaxis():
-    p, tree = belief(), line_tree()
-    costs = infotaxis_cost(predict_stops(p, tree.candidates))[list(tree.start)]
-    assert n_step_costs(p, tree, depth=1) == pytest.approx(costs - entropy_bits(p))
-
-
-def test_more_steps_never_promise_less():
-    p, tree = belief(), line_tree()
-    shallow, deep = (n_step_costs(p, tree, depth=depth, discount=1.0) for depth in (1, 2))
-    assert (deep <= shallow + 1e-12).all()
 
 
 # ------------------------------------------------------------------------------------------------ the monitor

@@ -39,14 +39,6 @@ def test_a_vehicle_downwind_and_to_the_left_has_positive_offsets():
     assert seen == pytest.approx(np.array([[3.0, 2.0], [1.0, 1.0]]))
 
 
-def test_turning_the_wind_and_the_world_together_changes_no_offset():
-    rng = np.random.default_rng(1)
-    places_m, position_m, wind_rad, turn_rad = rng.normal(size=(9, 2)), (0.3, -1.2), 0.7, 2.1
-    turn = np.array([[math.cos(turn_rad), -math.sin(turn_rad)], [math.sin(turn_rad), math.cos(turn_rad)]])
-    turned = offsets_m(places_m @ turn.T, tuple(turn @ position_m), wind_rad + turn_rad)
-    assert turned == pytest.approx(offsets_m(places_m, position_m, wind_rad))
-
-
 def test_moves_go_where_their_headings_point():
     for (along, across), heading_rad in zip(MOVES, headings_rad(NORTH_RAD), strict=True):
         step = offsets_m(np.zeros((1, 2)), (math.cos(heading_rad), math.sin(heading_rad)), NORTH_RAD)[0]

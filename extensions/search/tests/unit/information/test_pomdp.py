@@ -67,23 +67,6 @@ def test_a_growl_moves_the_belief_as_bayes_says_and_opening_ends_it():
     assert not nothing.any()
 
 
-def test_beliefs_stay_distributions_whatever_is_observed():
-    rng = np.random.default_rng(3)
-    problem = corridor(6)
-    belief = np.append(rng.dirichlet(np.ones(5)), 0.0)
-    for _ in range(20):
-        action = int(rng.integers(2))
-        each = [update_belief(belief, problem, action, level) for level in (0, 1)]
-        ended = predict_belief(belief, problem, action)[-1]
-        assert sum(probability for _, probability in each) == pytest.approx(1.0 - ended)
-        belief, probability = each[int(rng.integers(2))]
-        if probability == 0.0:
-            break
-        assert belief.sum() == pytest.approx(1.0)
-        assert belief[-1] == 0.0
-        assert (belief >= 0.0).all()
-
-
 def test_three_backups_of_the_tiger_are_those_done_by_hand():
     """Without discount: one step, two, and three from not knowing; and after one growl.
 
@@ -123,18 +106,6 @@ def test_stages_of_perseus_never_lower_a_value_and_stay_below_what_a_seeing_sear
     assert actions[int(np.argmax(sure))] == OPEN_LEFT
     assert actions[int(np.argmax(even))] == LISTEN
     assert sure.max() == pytest.approx(10.0)
-
-
-def test_a_converged_value_repeats_itself_when_it_is_backed_up():
-    problem, rng = tiger(discount=0.8), np.random.default_rng(2)
-    share = np.linspace(0.0, 1.0, 101)
-    beliefs = np.stack([share, 1.0 - share, 0.0 * share], axis=1)
-    vectors, actions = np.array([[-100.0, -100.0, 0.0]]), np.array([LISTEN])
-    for _ in range(120):
-        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
-    for belief in beliefs[::10]:
-        vector, _ = backup_at_belief(belief, problem, vectors)
-        assert vector @ belief == pytest.approx((vectors @ belief).max(), abs=1e-4)
 
 
 def test_beliefs_that_a_searcher_meets_are_distributions_over_places_where_it_goes_on():

@@ -41,17 +41,6 @@ def test_acting_changes_nothing_that_was_given(make):
     assert np.array_equal(observations, kept)
 
 
-@every_kind
-def test_what_is_remembered_matters(make):
-    policy = make()
-    actions, _ = flown(policy, np.concatenate([seen(1, 12), np.zeros((1, 1, 4), np.float32)]))
-    fresh, _ = policy.act(np.zeros((1, 4), np.float32), policy.memory(1))
-    others = [
-        flown(policy, np.concatenate([seen(1, 12, seed=s), np.zeros((1, 1, 4), np.float32)]))[0][-1] for s in range(8)
-    ]
-    assert any(not np.array_equal(one, fresh) for one in [actions[-1], *others])
-
-
 def test_numbers_lie_between_minus_one_and_one_and_choices_are_headings():
     for make in (ctrnn, gru):
         actions, _ = flown(make(), seen(50, 10))
@@ -138,14 +127,6 @@ def test_after_each_refusal_the_next_best_choice_follows():
     assert chosen == [1, 2, 0, 3, 1, 2]
     again = ValueTable.of_arrays(NAMES, HEADING, policy.arrays, policy.settings)
     assert again.yields_with == "refused"
-
-
-def test_a_spread_moves_the_outputs_of_a_network_by_as_much():
-    (observations,) = seen(4000, 1)
-    plain, spread = (ctrnn(spread=each).act(observations, ctrnn().memory(4000))[0] for each in (0.0, 0.4))
-    moved = np.arctanh(spread.astype(np.float64)) - np.arctanh(plain.astype(np.float64))
-    assert moved.mean() == pytest.approx(0.0, abs=0.02)
-    assert moved.std() == pytest.approx(0.4, abs=0.02)
 
 
 def test_a_share_of_choices_is_drawn_by_the_bits_of_what_is_observed():

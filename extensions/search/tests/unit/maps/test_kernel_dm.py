@@ -84,49 +84,6 @@ def test_one_reading_makes_a_map_of_that_reading_without_variance():
     assert maps.peak() is None
 
 
-def test_far_from_all_readings_the_maps_are_their_mean_and_nothing_is_known():
-    rows = [((1.5, -1.5), value, 0.0, (0.0, 0.0)) for value in (1.0, 3.0)]
-    maps = mapped(rows, sigma_m=0.2)
-    assert maps.mean[-1, -1] == pytest.approx(2.0)
-    assert maps.confidence[-1, -1] == pytest.approx(0.0, abs=1e-9)
-    assert maps.variance[-1, -1] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_mirrored_readings_make_mirrored_maps(axis):
-    sums_m = [2.0 * PLANE.origin_m[a] + PLANE.shape[a] * PLANE.cell_m for a in (0, 1)]
-
-    def mirrored(row):
-        place_m, value, time_s, wind = list(row[0]), row[1], row[2], list(row[3])
-        place_m[axis] = sums_m[axis] - place_m[axis]
-        wind[axis] = -wind[axis]
-        return tuple(place_m), value, time_s, tuple(wind)
-
-    maps, other = (mapped(rows, stretch_s=0.33) for rows in (readings(), [mirrored(row) for row in readings()]))
-    assert other.mean == pytest.approx(np.flip(maps.mean, axis), rel=1e-9)
-    assert other.variance == pytest.approx(np.flip(maps.variance, axis), rel=1e-9)
-
-
-def test_the_wind_stretches_a_reading_along_itself_over_the_same_area():
-    centre = PLANE.centre_m((8, 6))
-    rows = [(centre, 1.0, 0.0, (0.0, 1.0))]
-    maps = mapped(rows, sigma_m=0.3, stretch_s=0.3, confidence_scale=1.0)
-    along, across = 0.6, 0.15
-    weights = {(8, 8): math.exp(-0.5 * (0.5 / along) ** 2), (9, 6): math.exp(-0.5 * (0.25 / across) ** 2)}
-    for cell, weight in weights.items():
-        assert maps.confidence[cell] == pytest.approx(1.0 - math.exp(-(weight**2)), rel=1e-9)
-
-
-def test_old_readings_fade():
-    place_m = PLANE.centre_m((8, 6))
-    rows = [(place_m, 4.0, 0.0, (0.0, 0.0)), (place_m, 0.0, 100.0, (0.0, 0.0))]
-    assert mapped(rows).mean[8, 6] == pytest.approx(2.0)
-    faded = mapped(rows, decay_per_s=0.05)
-    share = math.exp(-5.0)
-    alpha = 1.0 - math.exp(-((1.0 + share) ** 2))
-    assert faded.mean[8, 6] == pytest.approx(alpha * 4.0 * share / (1.0 + share) + (1.0 - alpha) * 2.0)
-
-
 def test_the_oldest_readings_are_dropped_where_there_are_too_many():
     gas = KernelMap(PLANE, max_readings=5)
     for place_m, value, time_s, _ in readings(12):

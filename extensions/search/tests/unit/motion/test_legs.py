@@ -66,22 +66,6 @@ def test_a_leg_is_shortened_until_it_fits_or_given_up():
     assert shorten_leg((14.7, 5.0), 0.0, 0.2, ROOM) is None
 
 
-def test_a_straight_line_is_free_unless_it_meets_a_solid_cell():
-    obstacles = walled().obstacles
-    assert obstacles.is_free_line((1.0, 2.5), (3.0, 2.5))
-    assert not obstacles.is_free_line((1.0, 1.0), (3.0, 1.0))
-    assert not obstacles.is_free_line((3.0, 1.0), (1.0, 1.0))
-    assert obstacles.is_free_line((1.0, 1.0), (1.99, 1.0))
-    assert obstacles.is_free_line((1.0, 1.0), (1.0, 1.0))
-
-
-def test_a_line_that_cuts_a_corner_by_a_hair_meets_it():
-    """The wall's end is at y = 2: lines from left below to right above pass it on either side."""
-    obstacles = walled().obstacles
-    assert not obstacles.is_free_line((1.5, 1.499), (2.5, 2.499))
-    assert obstacles.is_free_line((1.5, 1.501), (2.5, 2.501))
-
-
 def test_a_line_may_leave_a_solid_cell_but_not_meet_another():
     obstacles = walled().obstacles
     assert obstacles.is_free_line((2.1, 1.0), (3.0, 1.0))

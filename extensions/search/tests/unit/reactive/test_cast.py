@@ -10,7 +10,6 @@ from gslcosim_search.reactive.cast_and_surge import (
     PlaneCastSequence,
     cast_length_m,
     cast_offset_m,
-    crosswind_unit,
     find_side,
     side_or_random,
 )
@@ -52,11 +51,6 @@ def test_a_cast_stays_on_the_line_across_the_wind_that_it_began_with(upwind_rad,
         along_m = (x_m - 3.0) * math.cos(upwind_rad) + (y_m - 4.0) * math.sin(upwind_rad)
         assert along_m == pytest.approx(0.0, abs=1e-12)
         assert find_side((x_m, y_m), (3.0, 4.0), upwind_rad) == (side if i % 2 == 0 else -side)
-
-
-def test_left_of_a_wind_from_the_east_is_north():
-    assert crosswind_unit(0.0, 1) == pytest.approx((0.0, 1.0))
-    assert crosswind_unit(0.0, -1) == pytest.approx((0.0, -1.0))
 
 
 def test_a_cast_ends_after_its_legs():

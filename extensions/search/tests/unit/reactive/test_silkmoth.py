@@ -6,28 +6,6 @@ from briefings import observation
 from gslcosim_search.reactive.silkmoth import TrueWind, heading_after, phase_at
 from gslcosim_search.senses.instruments import Vane
 
-TIMELINE = [
-    (0.0, "surge", 19.0, 0.062),
-    (0.49, "surge", 19.0, 0.062),
-    (0.5, "turn 1", 0.8, 1.3),
-    (1.19, "turn 1", 0.8, 1.3),
-    (1.2, "turn 2", 0.8, -1.3),
-    (1.89, "turn 2", 0.8, -1.3),
-    (1.9, "turn 3", 0.8, 1.3),
-    (2.09, "turn 3", 0.8, 1.3),
-    (2.1, "loop", 0.8, -1.3),
-    (60.0, "loop", 0.8, -1.3),
-    (math.inf, "loop", 0.8, -1.3),
-]
-
-
-@pytest.mark.parametrize(("since_hit_s", "name", "speed_mm_s", "turn_rad_s"), TIMELINE)
-def test_the_timeline_is_that_of_the_moth(since_hit_s, name, speed_mm_s, turn_rad_s):
-    phase = phase_at(since_hit_s)
-    assert phase.name == name
-    assert phase.speed_frac * 19.0 == pytest.approx(speed_mm_s)
-    assert phase.turn_rad_s == turn_rad_s
-
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_turns_leave_the_moth_as_far_towards_the_whiff_as_the_last_turn(side):
@@ -36,10 +14,6 @@ def test_the_turns_leave_the_moth_as_far_towards_the_whiff_as_the_last_turn(side
     for i in range(21):
         heading_rad = heading_after(heading_rad, side, phase_at(0.1 * i), 0.1)
     assert heading_rad == pytest.approx(side * (0.5 * 0.062 + 0.2 * 1.3))
-
-
-def test_the_loop_is_a_circle_in_about_five_seconds():
-    assert math.tau / abs(phase_at(5.0).turn_rad_s) == pytest.approx(4.83, abs=0.01)
 
 
 def seen(tick, apparent_m_s, velocity_m_s=(0.0, 0.0, 0.0), warming=()):

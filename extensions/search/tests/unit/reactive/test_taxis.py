@@ -9,8 +9,6 @@ from gslcosim_search.reactive.taxis import (
     fit_gradient,
     lateral_pair,
     mount_position_m,
-    speed_and_turn,
-    wheel_speeds_m_s,
 )
 from gslcosim_search.senses.instruments import Nose
 
@@ -97,16 +95,3 @@ def test_the_outermost_noses_are_the_pair():
     assert (left.mount_body_m[1], right.mount_body_m[1]) == (0.3, -0.2)
     with pytest.raises(MethodError, match="m apart across the vehicle"):
         lateral_pair([nose(0.1), nose(0.1)])
-
-
-def test_a_straight_wired_vehicle_turns_to_the_gas_and_slows_down_there():
-    wheels_m_s = wheel_speeds_m_s(1.0, 0.5, most_m_s=0.4, gain=0.9, is_crossed=False)
-    assert wheels_m_s == pytest.approx((0.04, 0.22))
-    speed_m_s, turn_rad_s = speed_and_turn(*wheels_m_s, 0.2)
-    assert speed_m_s == pytest.approx(0.13)
-    assert turn_rad_s == pytest.approx(0.45)  # to the left, where there is more
-
-
-def test_a_cross_wired_vehicle_turns_away_from_the_gas():
-    wheels_m_s = wheel_speeds_m_s(1.0, 0.5, most_m_s=0.4, gain=0.9, is_crossed=True)
-    assert speed_and_turn(*wheels_m_s, 0.2)[1] == pytest.approx(-0.45)

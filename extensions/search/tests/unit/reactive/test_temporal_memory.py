@@ -5,9 +5,6 @@ import numpy as np
 import pytest
 
 from gslcosim_search.reactive.temporal_memory import (
-    N_GAS_STATES,
-    N_STATES,
-    N_VOID_STATES,
     TemporalMemory,
     best_move,
     gas_state,
@@ -16,10 +13,6 @@ from gslcosim_search.reactive.temporal_memory import (
     rank_frac,
     void_state,
 )
-
-
-def test_there_are_15_states_with_gas_and_50_without():
-    assert (N_GAS_STATES, N_VOID_STATES, N_STATES) == (15, 50, 65)
 
 
 def test_the_share_counts_what_is_above_half_the_mean_and_the_noise():

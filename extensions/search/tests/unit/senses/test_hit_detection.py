@@ -64,14 +64,6 @@ def test_the_level_of_a_direct_sensor_is_its_reading():
     assert GasLevel(nose("ppm")).of(0.3) == 0.3
 
 
-def test_five_thresholds_are_half_a_ppm_for_either_kind():
-    """Of ethanol, for a TGS2600: Rs/R0 = 0.6796 c^-0.3196, and 1 in clean air."""
-    level = GasLevel(nose("ohm"))
-    level.of(5e4)
-    assert level.of(5e4 * 0.6796 * 0.5**-0.3196) == pytest.approx(5 * level.threshold, rel=0.15)
-    assert 5 * GasLevel(nose("ppm")).threshold == 0.5
-
-
 @pytest.mark.parametrize("step_s", [0.02, 0.1, 0.5])
 def test_the_slope_of_an_exponential_is_its_rate_whatever_the_step(step_s):
     detector = OnsetDetector(smoothing_s=1.0)

@@ -170,10 +170,6 @@ def test_a_thing_seen_twice_is_one_and_the_nearer_view_counts():
     assert not seen.add([])
 
 
-def test_without_things_the_prior_is_even():
-    assert prior_from_objects(GRID, [], {"blue": 20.0}) == pytest.approx(np.full(GRID.shape, 1.0 / GRID.n_cells))
-
-
 def test_beside_a_likely_thing_a_source_is_as_much_likelier_as_the_odds_say():
     centre_m = GRID.centre_m((8, 8))
     p = prior_from_objects(GRID, [thing("blue", *centre_m)], {"blue": 20.0}, spread_m=0.5)

@@ -66,28 +66,6 @@ def test_the_radius_grows_with_too_few_neighbours_and_shrinks_with_too_many():
     assert next_radius_m(3.0, 8, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(2.76)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_radii_stay_between_nothing_and_the_sight_in_a_whole_swarm(seed):
-    """Eight glowworms in a plane with one hill: radii stay in [0, r_s], and the swarm draws together."""
-    draws, rng = RandomStream(seed), np.random.default_rng(seed)
-    places, glow, radii = rng.uniform(0.0, 8.0, (8, 2)), np.full(8, 5.0), np.full(8, 8.0)
-    start = [math.dist(a, b) for a in places for b in places]
-    for _ in range(150):
-        amounts = np.exp(-((places - at(3.0, 5.0)) ** 2).sum(axis=1) / 18.0)
-        glow = np.array([next_luciferin(g, f, decay=0.4, gain=0.6) for g, f in zip(glow, amounts)])
-        for i in range(8):
-            seen = [j for j in brighter_neighbours(places[i], glow[i], places, glow, radii[i]) if j != i]
-            if seen:
-                probabilities = attraction(glow[i], glow[seen])
-                assert probabilities.sum() == pytest.approx(1.0)
-                goal = places[seen[choose_by_probability(probabilities, draws.fraction())]]
-                way_m = goal - places[i]
-                places[i] += way_m * min(1.0, 0.1 / max(math.hypot(*way_m), 1e-9))
-            radii[i] = next_radius_m(radii[i], len(seen), wanted=2, gain_m=0.3, sight_m=8.0)
-            assert 0.0 <= radii[i] <= 8.0
-    assert np.mean([math.dist(a, b) for a in places for b in places]) < 0.5 * np.mean(start)
-
-
 def test_in_a_plume_the_glow_is_the_most_of_the_last_seconds_without_decay():
     glow = OdourGlow(memory_s=5.0, threshold=1.0)
     series = [(0.0, 0.5), (1.0, 4.0), (2.0, 3.0), (5.9, 0.0), (6.0, 0.0), (6.9, 2.0), (7.0, 0.0), (12.0, 0.0)]

@@ -19,12 +19,6 @@ GRID = CellGrid((0.0, 0.0), 0.5, (12, 10))
 LADDER = (0.01, 0.1, 1.0)
 
 
-def bell(centre_m=(3.0, 2.0), sigma_m=1.0):
-    away2 = ((GRID.centres_m() - np.array(centre_m)) ** 2).sum(axis=1)
-    p = np.exp(-0.5 * away2 / sigma_m**2)
-    return (p / p.sum()).reshape(GRID.shape)
-
-
 def test_the_potential_falls_where_the_belief_rises_and_is_bounded_where_there_is_none():
     potential = belief_potential(np.array([0.5, 0.1, 0.0]))
     assert potential == pytest.approx([math.log(2.0), math.log(10.0), -math.log(LEAST_P)])
@@ -41,16 +35,6 @@ def test_a_grid_of_one_cell_has_no_slope():
     assert potential_slope(np.ones((1, 1)), CellGrid((0.0, 0.0), 1.0, (1, 1)), (0.5, 0.5)) == pytest.approx([0.0, 0.0])
 
 
-@pytest.mark.parametrize("start_m", [(0.6, 0.6), (5.4, 0.9), (4.6, 4.4), (3.2, 0.3)])
-def test_the_drift_leads_to_higher_probability(start_m):
-    p = bell()
-    slope = potential_slope(belief_potential(p), GRID, start_m)
-    step = langevin_step_m(slope, np.zeros(2), temperature=1.0, mobility_m2=0.5, longest_m=0.6)
-    end_m = np.array(start_m) + step
-    assert math.dist(end_m, (3.0, 2.0)) < math.dist(start_m, (3.0, 2.0))
-    assert p[GRID.nearest_cell(tuple(end_m))] > p[GRID.nearest_cell(start_m)]
-
-
 def test_the_drift_is_capped_and_keeps_its_direction():
     step = langevin_step_m(np.array([-30.0, 40.0]), np.zeros(2), temperature=0.0, mobility_m2=1.0, longest_m=0.5)
     assert step == pytest.approx([0.3, -0.4])
@@ -62,20 +46,6 @@ def test_the_noise_has_the_variance_of_its_temperature():
         langevin_step_m(np.zeros(2), xi, temperature=0.3, mobility_m2=0.5, longest_m=1.0) for xi in noise
     ])  # fmt: skip
     assert steps.var() == pytest.approx(2.0 * 0.5 * 0.3, rel=0.05)
-
-
-@pytest.mark.parametrize("temperature", [0.05, 0.2, 0.8])
-def test_the_spread_it_settles_to_is_that_of_the_temperature(temperature):
-    """In the potential k r^2 / 2 the variance is tau / (k (1 - eta k / 2)), so it grows with the temperature."""
-    k, eta, n = 1.0, 0.2, 150
-    rng = np.random.default_rng(2)
-    places = np.zeros((n, 2))
-    for _ in range(40):
-        places = np.array([
-            place + langevin_step_m(k * place, xi, temperature=temperature, mobility_m2=eta, longest_m=1e9)
-            for place, xi in zip(places, rng.normal(size=(n, 2)))
-        ])  # fmt: skip
-    assert places.var() == pytest.approx(temperature / (k * (1.0 - 0.5 * eta * k)), rel=0.25)
 
 
 def test_a_colder_robot_at_the_worse_place_swaps_for_sure():

@@ -93,15 +93,6 @@ def test_the_charge_is_level_in_the_core_falls_with_the_square_and_ends(distance
     assert push == pytest.approx([-size, 0.0])
 
 
-@pytest.mark.parametrize("charge", [ROOM_CHARGE, Charge(squared_m3=256.0, core_m=1.5, reach_m=30.0)])
-def test_the_charge_is_continuous_at_the_core(charge):
-    inside, outside = (
-        charge_velocity(at(0, 0), at(charge.core_m * (1 + part), 0)[None], charge) for part in (-1e-9, 1e-9)
-    )
-    assert inside == pytest.approx(outside, rel=1e-6)
-    assert np.linalg.norm(inside) == pytest.approx(charge.squared_m3 / charge.core_m**2, rel=1e-6)
-
-
 def test_charges_add_up_and_balance():
     both = charge_velocity(at(0, 0), np.array([[2.0, 0.0], [-2.0, 0.0], [0.0, 2.0]]), ROOM_CHARGE)
     assert both == pytest.approx([0.0, -0.25])

@@ -46,14 +46,6 @@ def test_a_tracking_waypoint_is_the_sum_worked_out_by_hand():
     assert waypoint == pytest.approx([1 + 0.542 + 9.28, 1 - 0.999 + 9.28])
 
 
-def test_the_tables_are_those_of_the_literature():
-    doped = TABLES["evolved_with_doping"]
-    assert (doped.inertia, doped.own, doped.swarm) == (0.271, -0.333, 1.856)
-    assert (doped.search_inertia, doped.search_draw, doped.waypoint_s, doped.reached_m) == (1.571, 2.034, 51.979, 2.690)
-    assert (doped.wall_m, doped.robot_m, doped.line_m) == (1.407, 0.782, 0.469)
-    assert (doped.wall_push, doped.robot_push, doped.wall_push_m) == (16.167, 10.032, 0.594)
-
-
 @pytest.mark.parametrize(
     ("bearing_deg", "yaw_deg", "beams"),
     [(10, 0, (0, 1)), (100, 0, (1, 2)), (-10, 0, (3, 0)), (10, 45, (3, 0)), (0, 0, (0, 1))],
@@ -156,11 +148,6 @@ def test_it_finds_its_way_round_walls_without_touching_them(boxes, wall_m):
     arrived, least = flown(boxes, (2.0, 5.0), (10.0, 5.2), parameters=table(wall_m=wall_m))
     assert arrived
     assert least > 0.25
-
-
-def test_without_walls_nothing_is_followed():
-    arrived, _ = flown([], (2.0, 5.0), (9.0, 2.0), parameters=table())
-    assert arrived
 
 
 def test_it_goes_to_the_side_of_a_wall_that_is_nearer_to_the_waypoint():
