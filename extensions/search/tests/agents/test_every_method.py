@@ -1,15 +1,18 @@
 """Laws that every bundled method keeps: the same commands from the same seed, and none that breaks in a bad hour."""
 
+import io
 import math
 from functools import cache
 
 import numpy as np
 import pytest
 from briefings import MODELS, PLUME, briefing, observation, open_map
+from PIL import Image
 
 from gslcosim.agent_kit import Agent, Observation
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
+from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.agents.loader import load_python_agent
 
@@ -99,12 +102,6 @@ class Air:
 
 def picture(reading_less: Observation, names) -> Observation:
     """Add pictures for cameras: grey ones."""
-    import io
-
-    from PIL import Image
-
-    from gslcosim.contract.messages import CameraImage, Reading
-
     if not names:
         return reading_less
     file = io.BytesIO()
@@ -179,9 +176,14 @@ every_method = pytest.mark.parametrize(
 )
 
 
+@cache
+def flight(name):
+    return fly(name, n_questions=20)
+
+
 @every_method
 def test_it_keeps_to_the_room_and_answers_every_question(name):
-    for command in fly(name):
+    for command in flight(name):
         for place_m in places_of(command):
             assert all(0.0 < value < size for value, size in zip(place_m, SIZE_M, strict=True)), place_m
 
@@ -195,13 +197,9 @@ def test_two_of_a_kind_in_one_process_do_not_disturb_each_other(name):
 
 
 @every_method
-def test_it_survives_calm_air_without_gas(name):
-    assert len(fly(name, mood=CALM)) == N_QUESTIONS
-
-
-@every_method
-def test_it_survives_sensors_that_warm_up(name):
-    assert len(fly(name, warming=4)) == N_QUESTIONS
+@pytest.mark.parametrize("hour", [{"mood": CALM}, {"warming": 4}], ids=["calm air", "warm-up"])
+def test_it_survives_an_hour_without_gas_or_sensors(name, hour):
+    assert len(fly(name, **hour)) == N_QUESTIONS
 
 
 @every_method
@@ -222,13 +220,13 @@ def test_it_survives_garbage_on_the_radio(name):
 
 @every_method
 def test_it_publishes_beliefs_if_and_only_if_its_card_says_so(name):
-    beliefs = [command.belief for command in fly(name) if command.belief is not None]
+    beliefs = [command.belief for command in flight(name) if command.belief is not None]
     assert bool(beliefs) == card_of(name).believes
 
 
 @every_method
 def test_it_never_declares_where_its_card_says_that_it_does_not(name):
-    declared = [command for command in fly(name, n_questions=20) if command.kind == "declare_source"]
+    declared = [command for command in flight(name) if command.kind == "declare_source"]
     assert card_of(name).declares or not declared
 
 

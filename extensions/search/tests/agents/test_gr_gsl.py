@@ -39,7 +39,7 @@ def flown(agent, n: int, *, ppm_at=lambda _: 0.0, wind=(0.4, math.pi), refused=(
 
 
 @pytest.mark.parametrize("motion", ["informed", "likely"])
-@pytest.mark.parametrize("wind", [(0.4, 0.0), (0.4, math.pi / 2), (0.4, math.pi), (0.4, -math.pi / 2), (0.0, 0.0)])
+@pytest.mark.parametrize("wind", [(0.4, 0.0), (0.4, math.pi / 2), (0.0, 0.0)])
 def test_in_clean_air_it_explores_most_of_the_room_whatever_the_wind(wind, motion):
     """A room of 10 x 8 m, of which it would see a third when ties were broken by the order of cells."""
     known = open_map(size_m=(10.0, 8.0))

@@ -78,10 +78,17 @@ def test_it_finds_the_source_of_a_plume_in_a_steady_wind(agent_type):
     assert flight.found_s is not None
 
 
-@pytest.mark.parametrize("agent_type", [SpaceAwareInfotaxis, DualControl])
-def test_a_sure_belief_is_flown_to_straight(agent_type):
+@pytest.mark.parametrize(
+    ("agent_type", "parameters"),
+    [
+        (SpaceAwareInfotaxis, {}),
+        (DualControl, {}),
+        (CognitiveSearch, {"reward": "free_energy", "temperature": 0.0}),
+    ],
+)
+def test_a_sure_belief_is_flown_to_straight(agent_type, parameters):
     """Infotaxis has nothing to gain then; these still count the way."""
-    agent = made(agent_type, declares=False)
+    agent = made(agent_type, declares=False, **parameters)
     sure_of(agent, (12.2, 5.2))
     place_m, _ = chosen(agent)
     assert place_m == pytest.approx((8.5, 5.0, 2.0))

@@ -5,7 +5,6 @@ from briefings import briefing, observation, open_map
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.runtime.agents.loader import load_python_agent
-from gslcosim_search.beliefs import mass_within
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 START_M = (7.0, 5.0, 2.0)
@@ -37,22 +36,6 @@ def stop_at(agent, tick: int, position_m, *, ppm: float, notice=None, nose="nose
         agent.observe(seen)
     agent.flights.goal_m = None if notice is None else agent.flights.goal_m
     return agent.decide(seen)
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("pmfs", {"temper": 1.0}),
-        ("pmfs_published", {"stops_per_update": 8, "warm_up_steps": 300, "recorded_steps": 150}),
-    ],
-)
-def test_gas_downwind_and_clean_air_around_move_the_belief_upwind_of_the_gas(name, parameters):
-    agent = searcher(name, **parameters)
-    tick = 40
-    for x_m, y_m, ppm in ((9, 5, 5), (7, 5, 5), (5, 5, 5), (2, 5, 0), (7, 7, 0), (7, 3, 0), (4, 7, 0), (4, 3, 0)):
-        stop_at(agent, tick, (float(x_m), float(y_m), 2.0), ppm=float(ppm))
-        tick += 20
-    assert mass_within(agent.method.p, agent.flights.grid, (3.5, 5.0), 1.75) > 0.6
 
 
 def test_a_place_where_the_sensor_was_not_ready_shows_nothing():

@@ -57,11 +57,6 @@ def test_a_whiff_at_any_time_begins_a_new_surge():
     assert speed_and_heading(agent.decide(at(40, right=1.0)))[0] == pytest.approx(0.5)
 
 
-def test_it_looks_where_it_flies():
-    command = made().decide(at(10, left=1.0))
-    assert math.remainder(command.yaw_rad - speed_and_heading(command)[1], math.tau) == pytest.approx(0.0)
-
-
 def test_without_a_whiff_for_long_it_explores():
     agent = made()
     agent.decide(at(10, left=1.0))

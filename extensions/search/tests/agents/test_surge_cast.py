@@ -64,6 +64,11 @@ def test_without_wind_or_gas_it_explores_new_places():
     assert command.position_world_m != (6.0, 5.0, 2.0)
 
 
+def test_it_may_explore_at_random_nearby():
+    (place_m,) = flown(made(parameters={"explore": "random"}), [0.0])
+    assert max(abs(place_m[0] - 7.0), abs(place_m[1] - 5.0)) <= 0.5
+
+
 def test_asked_at_every_tick_it_lets_a_leg_end_but_breaks_off_a_cast_for_gas():
     agent = made(mode="lockstep", parameters={"lost_m": 1.0})
     agent.decide(at(40, ppm=1.0))

@@ -30,3 +30,8 @@ def test_after_the_spiral_it_winds_out_from_the_last_gas_and_then_explores():
     assert math.dist(places[1], (6.0, 5.0, 2.0)) == pytest.approx(1.0)
     assert math.dist(places[2], START_M) == pytest.approx(1.0)
     assert places[3] not in places[:3]
+
+
+def test_in_a_corner_it_stays_inside_the_margin():
+    places = flown(made(parameters={"lost_m": 1.0}), [1.0] + [0.0] * 30, place_m=(1.6, 0.6, 2.0))
+    assert all(0.5 <= x <= 14.5 and 0.5 <= y <= 9.5 for x, y, _ in places)

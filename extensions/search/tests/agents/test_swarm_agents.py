@@ -76,18 +76,6 @@ def test_legs_are_no_longer_than_asked(agent_type):
         place_m = command.position_world_m
 
 
-@pytest.mark.parametrize("agent_type", BY_LEGS)
-@pytest.mark.parametrize("ppm", [0.0, 5.0])
-def test_a_refused_leg_is_not_tried_again(agent_type, ppm):
-    agent = made(agent_type)
-    last = answer(agent, seen(ppm=ppm))
-    for i in range(1, 20):
-        command = answer(agent, seen(ppm=ppm, tick=40 + 20 * i, notice="in an obstacle"))
-        if command.kind == "waypoint":
-            assert math.dist(command.position_world_m, last.position_world_m) > 0.02
-            last = command
-
-
 @pytest.mark.parametrize("agent_type", ALL)
 @pytest.mark.parametrize(
     "changes",
@@ -172,17 +160,3 @@ def test_asked_at_every_tick_it_lets_a_leg_end_first(agent_type):
     first = answer(agent, seen(tick=40))
     assert first.kind == "waypoint"
     assert answer(agent, seen(tick=41)).kind == "noop"
-
-
-@pytest.mark.parametrize("agent_type", ALL)
-def test_a_resistance_without_an_estimate_is_enough(agent_type):
-    """A MOX sensor in a gas for which nobody has figures: less ohms than in clean air is gas."""
-    ohms = briefing(sensors=(("tgs2600", "nose"), *SENSORS[1:])).sensors
-    agent = made(agent_type, sensors=SENSORS).__class__(
-        briefing(members=MEMBERS).model_copy(update={"sensors": tuple(s for s in ohms if s.name != "nose_ppm")})
-    )
-    amounts = [
-        parse(answer(agent, seen(ppm=ohm, tick=40 + 50 * i, position_m=(5.0 + i, 5.0, 2.0))).outgoing[0].text).amount
-        for i, ohm in enumerate((50_000.0, 49_900.0, 40_000.0, 25_000.0))
-    ]
-    assert amounts == pytest.approx([0.0, 0.0, 0.25, 1.0])

@@ -101,10 +101,6 @@ def test_in_calm_air_a_surge_follows_the_last_wind():
     assert made.recent_wind_m_s() == pytest.approx((0.0, 0.0))
 
 
-def test_before_any_wind_there_is_no_surge():
-    assert search().surge_m(seen(1)) is None
-
-
 @pytest.mark.parametrize("planner", ["maximum", "information", "moth"])
 def test_without_gas_it_goes_towards_where_the_source_is_believed(planner):
     made = search(planner=planner)

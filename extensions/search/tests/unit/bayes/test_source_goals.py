@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from briefings import briefing, observation, open_map
+from briefings import briefing, observation
 
 from gslcosim_search.bayes.belief_search import (
     GoalNavigator,
@@ -90,13 +90,6 @@ def test_a_leg_goes_a_step_towards_the_goal_or_to_it():
     near = goals.leg(here, (7.25, 5.25), hold_s=0.5)
     assert near.position_world_m == pytest.approx((7.25, 5.25, 2.0))
     assert near.hold_s == 0.5
-
-
-def test_a_leg_goes_round_a_wall_of_a_granted_map():
-    goals = flights(open_map(walls=[(8.0, 2.0, 8.5, 10.0)]))
-    x_m, y_m, _ = goals.leg(observation(position_m=(7.0, 5.0, 2.0)), (10.25, 5.25)).position_world_m
-    assert y_m < 4.5
-    assert x_m < 8.0
 
 
 def test_a_refused_goal_and_what_is_near_it_are_given_up_until_nothing_is_left():

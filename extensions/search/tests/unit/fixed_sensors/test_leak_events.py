@@ -62,15 +62,6 @@ def test_a_place_that_is_no_candidate_is_found_in_the_plane(log):
     assert np.hypot(x_m - 15.0, y_m - 10.0) < 8.0
 
 
-def test_quiet_readings_lie_around_zero_and_their_noise_is_known(log):
-    clock_s, readings, _ = log
-    excess = find_excess(clock_s, readings)
-    # That of the sensors, and what a background of hours leaves of the daily drift.
-    assert (excess.noise_ppm > 0.05).all()
-    assert (excess.noise_ppm < 0.15).all()
-    assert np.abs(np.nanmedian(excess.above_ppm, axis=0)).max() < 1e-12
-
-
 def test_short_flickers_and_silent_sensors_are_no_events():
     clock_s = 60.0 * np.arange(600)
     readings = np.full((600, 2), 2.0)

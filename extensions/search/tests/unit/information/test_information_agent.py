@@ -52,9 +52,6 @@ def upwind_mass(search, x_m):
     return float(search.p[search.grid.axis_m(0) < x_m].sum())
 
 
-# ------------------------------------------------------------------------------------------------ learning
-
-
 def test_gas_points_upwind_and_clean_air_away_from_it():
     hit, miss = searcher(), searcher()
     even = upwind_mass(hit, 7.0)
@@ -75,14 +72,6 @@ def test_the_second_finding_at_a_place_weighs_half_the_third_a_third():
         assert search.build_context((7.0, 5.0)).novelty[0] == pytest.approx(1.0 / (2.0 + k))
     first, second, third = np.diff(odds)
     assert (second, third) == pytest.approx((first / 2.0, first / 3.0), rel=1e-6)
-
-
-def test_a_floor_keeps_every_cell_possible():
-    search = searcher(floor=0.05)
-    for k in range(10):
-        smell(search, (5.0 + k, 5.0, 2.0), float(k % 2), start_s=10.0 * k)
-    assert search.p.min() > 0.0
-    assert search.p.sum() == pytest.approx(1.0)
 
 
 def test_what_was_passed_is_ruled_out_where_arrival_would_end_the_run():
@@ -109,9 +98,6 @@ def test_a_model_that_is_wrong_again_and_again_is_trusted_less():
         for k in range(10):
             smell(search, (3.0 + k, 5.0, 2.0), 1.0, start_s=10.0 * k, n_s=2)
     assert entropy_bits(watched.p) > entropy_bits(blind.p) + 0.5
-
-
-# ------------------------------------------------------------------------------------------------ going
 
 
 def test_a_step_goes_so_far_and_keeps_away_from_walls():
@@ -177,17 +163,6 @@ def test_a_tree_surveys_each_place_once():
     assert [len(tree.moves[place]) for place in tree.start] == [4, 4, 4, 4]
 
 
-# ------------------------------------------------------------------------------------------------ saying
-
-
-def test_a_sure_belief_is_declared_once():
-    search = searcher(hits_at_1m=5.0, power=1.0)
-    search._memory.p = np.where(np.arange(600) == 250, 1.0, 1e-9)
-    search._memory.p /= search._memory.p.sum()
-    kinds = [smell(search, (12.0, 8.0, 2.0), 0.0, start_s=5.0 * k).kind for k in range(3)]
-    assert kinds == ["declare_source", "waypoint", "waypoint"]
-
-
 def test_what_is_declared_is_the_place_of_the_belief_at_search_height():
     search = searcher()
     search._memory.p = np.where(np.arange(600) == 250, 1.0, 1e-9)
@@ -195,16 +170,6 @@ def test_what_is_declared_is_the_place_of_the_belief_at_search_height():
     declared = search.decide(seen(5.0)).declaration
     assert math.dist(declared.position_world_m, (*search.grid.centre_m((12, 10)), 2.0)) < 0.1
     assert declared.confidence > 0.9
-
-
-def test_the_published_belief_is_that_of_the_searcher():
-    search = searcher()
-    belief = smell(search, (7.0, 5.0, 2.0), 1.0).belief
-    assert belief.probability.to_array() == pytest.approx(search.p, abs=1e-6)
-    assert belief.origin_m == (0.0, 0.0, 2.0)
-
-
-# ------------------------------------------------------------------------------------------------ what is known
 
 
 def test_arrival_ends_the_search_where_one_source_has_to_be_reached():

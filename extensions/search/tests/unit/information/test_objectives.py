@@ -138,9 +138,6 @@ def test_the_first_of_equal_costs_is_best():
     assert find_min_cost_index(np.array([2.0, 1.0 + 1e-12, 1.0, 3.0])) == 1
 
 
-# ------------------------------------------------------------------------------------------------ several steps
-
-
 def line_tree(n_outcomes=2):
     """Five places in a row; each leads to its neighbours and to itself."""
     places_m = np.array([[x, 2.5] for x in (0.5, 1.5, 2.5, 3.5, 4.5)])
@@ -165,9 +162,6 @@ def test_gains_of_several_steps_are_those_of_all_paths(depth, n_outcomes):
     p, tree = belief(), line_tree(n_outcomes)
     expected = [-gain_by_hand(p, tree, place, depth, 0.9) for place in tree.start]
     assert n_step_costs(p, tree, depth=depth, discount=0.9) == pytest.approx(expected)
-
-
-# ------------------------------------------------------------------------------------------------ the monitor
 
 
 def outcomes_until_alarm(chance_told, chance_true, n=400, seed=1):

@@ -66,18 +66,6 @@ def test_levels_of_an_offset_are_a_distribution():
     assert [table().level_of(ppm) for ppm in (0.0, 0.5, 0.6)] == [0, 0, 1]
 
 
-def test_gas_draws_the_belief_upwind_of_the_vehicle_and_its_absence_away():
-    sources_m = np.array([[x, 0.0] for x in range(-5, 6)], float)
-    even = np.full(11, 1 / 11)
-    here = offsets_m(sources_m, (0.0, 0.0), 0.0)
-    with_gas = update_offset_belief(even, table().likelihood(1, here))
-    without = update_offset_belief(even, table().likelihood(0, here))
-    upwind = sources_m[:, 0] <= -1
-    assert with_gas[upwind].sum() > 0.9
-    assert without[upwind].sum() < 0.3
-    assert (with_gas.sum(), without.sum()) == pytest.approx((1.0, 1.0))
-
-
 def test_a_power_below_one_takes_an_observation_for_less_and_an_impossible_one_for_nothing():
     belief = np.array([0.5, 0.5])
     assert update_offset_belief(belief, np.array([0.9, 0.1]), 0.5) == pytest.approx([0.75, 0.25])

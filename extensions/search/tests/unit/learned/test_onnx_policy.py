@@ -8,10 +8,9 @@ import pytest
 import yaml
 from policies import NAMES, seen
 
-from gslcosim.base.errors import UsageError
 from gslcosim_search.learned.onnx_policy import METADATA_KEY
 from gslcosim_search.learned.policy import PolicyError
-from gslcosim_search.learned.policy_files import load_policy, save_policy
+from gslcosim_search.learned.policy_files import load_policy
 
 pytestmark = pytest.mark.extras
 
@@ -102,11 +101,6 @@ def test_a_model_acts_on_one_and_on_many(written, suffix):
     assert policy.action.speed_m_s == 0.5
 
 
-def test_a_model_for_one_agent_acts_on_many(written):
-    policy, (observed,) = written(linear(n=1)), seen(5, 1)
-    np.testing.assert_allclose(policy.act(observed, policy.memory(5))[0], np.clip(observed @ W, -1, 1), atol=1e-6)
-
-
 def test_the_meaning_may_be_in_the_model(tmp_path):
     (tmp_path / "theirs.onnx").write_bytes(linear(metadata=json.dumps(MEANING)))
     assert load_policy(tmp_path / "theirs.onnx").observation_names == NAMES
@@ -172,11 +166,6 @@ def test_a_model_without_meaning_and_a_corrupt_one_are_reported(tmp_path):
     path.with_suffix(".yaml").write_text(yaml.safe_dump(MEANING))
     with pytest.raises(PolicyError, match="expected a model in ONNX that onnxruntime can read"):
         load_policy(path)
-
-
-def test_a_model_is_no_npz(written, tmp_path):
-    with pytest.raises((PolicyError, UsageError), match="kind: expected one of ctrnn, gru, table, was onnx"):
-        save_policy(tmp_path / "p.npz", written(linear()), {})
 
 
 def test_without_onnxruntime_the_command_that_installs_it_is_reported(written, monkeypatch):

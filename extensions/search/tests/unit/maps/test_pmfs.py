@@ -129,12 +129,6 @@ def test_a_hit_in_front_of_a_wall_speaks_against_sources_behind_it():
     assert behind.max() == pytest.approx(behind.min(), rel=0.05)  # and says nothing else about them
 
 
-def test_without_a_measurement_all_free_cells_are_equally_likely():
-    pmfs = method(room_with_wall())
-    pmfs.score(even_wind(room_with_wall(), 0.2))
-    assert pmfs.p[room_with_wall()] == pytest.approx(1.0 / room_with_wall().sum())
-
-
 def test_goals_are_in_sight_in_reach_and_new():
     free = room_with_wall()
     pmfs = method(free, reach_cells=4.0)

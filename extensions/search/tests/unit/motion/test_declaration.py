@@ -159,11 +159,6 @@ def test_a_narrow_belief_is_declared_at_its_peak_and_a_wide_one_is_not(rule, nar
     assert rule(peaked(wide_m), GRID) is None
 
 
-def test_the_limit_of_the_variance_is_that_of_both_axes_together():
-    assert declaration.by_variance(peaked(0.6), GRID) is None
-    assert declaration.by_variance(peaked(0.6), GRID, limit_m2=0.75) is not None
-
-
 def test_particles_declare_when_they_agree():
     places_m = np.array([[1.0, 2.0], [1.2, 2.0], [9.0, 9.0]])
     found = declaration.by_spread(places_m, np.array([3.0, 3.0, 0.0]))

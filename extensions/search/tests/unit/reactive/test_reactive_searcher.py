@@ -57,15 +57,6 @@ def test_a_stuck_searcher_is_sent_away_for_some_legs():
     assert away == [True, True, True, False, False]
 
 
-def test_exploring_leads_to_one_new_place_after_the_other():
-    flown, here_m, ends = searcher(), (1.0, 1.0, 2.0), set()
-    for tick in range(30):
-        flown.observe(at(tick, here_m))
-        here_m = flown.explore(at(tick, here_m)).position_world_m
-        ends.add(here_m)
-    assert len(ends) == 30
-
-
 def test_a_place_that_was_refused_is_not_explored_again():
     flown = searcher()
     first_m = flown.explore(at(1)).position_world_m

@@ -52,12 +52,6 @@ def test_the_first_of_an_inverted_v_is_upwind_of_all_and_the_arms_are_mirrored()
     assert slots[1::2, 0] == pytest.approx(slots[2::2, 0])
 
 
-def test_a_square_has_its_centre_and_sides_along_the_wind():
-    slots = formation("square", 5, math.sqrt(2.0))
-    assert slots[0] == pytest.approx(0.0)
-    assert np.abs(slots[1:]) == pytest.approx(1.0)
-
-
 def test_neighbours_in_a_hexagon_are_a_radius_apart():
     apart = distances(hexagon(0.8)) + 99.0 * np.eye(7)
     assert apart.min(axis=1) == pytest.approx(0.8)

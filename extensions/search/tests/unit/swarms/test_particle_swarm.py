@@ -59,12 +59,6 @@ def test_the_velocity_leaves_its_arguments_alone():
     assert (velocity.tolist(), place.tolist()) == ([1, 2], [3, 4])
 
 
-def test_a_particle_at_both_bests_only_coasts():
-    here = at(3, 4, 1)
-    after = pso_velocity(at(1, 2, 3), here, here, here, weights=WEIGHTS, draws=np.full((2, 3), 0.7))
-    assert after.tolist() == [0.5, 1.0, 1.5]
-
-
 def test_a_long_step_is_cut_to_a_leg_and_a_short_one_kept():
     assert limit_length(at(3, 4), 1.0) == pytest.approx([0.6, 0.8])
     assert limit_length(at(0.3, 0.4), 1.0).tolist() == [0.3, 0.4]

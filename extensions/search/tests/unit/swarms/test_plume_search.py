@@ -54,16 +54,6 @@ def test_a_step_leads_along_the_lanes_and_from_its_end_to_its_beginning():
     assert find_next_lane_point(lanes_m, (0.0, 2.0), 1.0) == pytest.approx([0.0, 0.0])
 
 
-def test_who_follows_the_lanes_step_by_step_comes_along_all_of_it():
-    lanes_m = plan_crosswind_lanes(ROOM, 0.4, 2.5)
-    place, visited = np.array(lanes_m[0]), []
-    for _ in range(200):
-        place = find_next_lane_point(lanes_m, place, 1.0)
-        visited.append(place)
-    for turn in lanes_m:
-        assert np.hypot(*(np.array(visited) - turn).T).min() <= 1.0
-
-
 def test_distances_beyond_the_end_of_the_lanes_begin_again():
     lanes_m = np.array([[0.0, 0.0], [4.0, 0.0]])
     assert find_lane_point(lanes_m, 5.0) == pytest.approx([1.0, 0.0])
