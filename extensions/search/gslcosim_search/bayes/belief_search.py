@@ -2,7 +2,7 @@
 
 Held by:
     extensions/search/tests/unit/bayes/test_belief_search.py
-    extensions/search/tests/unit/bayes/test_source_goals.py
+    extensions/search/tests/unit/bayes/test_belief_search.py
 """
 
 import math
@@ -69,7 +69,7 @@ def expected_information_bits(p: Array, chance: Array) -> Array:
     Source:
         Shannon 1948; as a plan for a sensor: infotaxis (Vergassola et al. 2007) for a whole room and one finding.
     Held by:
-        extensions/search/tests/unit/bayes/test_source_goals.py (against its definition, sum by sum)
+        extensions/search/tests/unit/bayes/test_belief_search.py (against its definition, sum by sum)
     """
     shape = tuple(3 * n - 2 for n in p.shape)
     spectrum = np.fft.rfft2(p, shape)

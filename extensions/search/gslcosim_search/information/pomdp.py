@@ -5,7 +5,7 @@ left; the offset of a vehicle is its place minus the source's. A belief over sou
 offsets by this turn alone. `docs/studies/pomdp_planning.py` plans.
 
 Held by:
-    extensions/search/tests/unit/information/test_offset_grid.py
+    extensions/search/tests/unit/information/test_pomdp.py
 """
 
 import math

@@ -3,7 +3,7 @@
 """Kernel DM+V gas distribution maps: mean and variance of the gas everywhere, from readings on the way.
 
 Held by:
-    extensions/search/tests/unit/maps/test_gas_mapping.py
+    extensions/search/tests/unit/maps/test_kernel_dm.py
     extensions/search/tests/unit/maps/test_kernel_dm.py
 """
 

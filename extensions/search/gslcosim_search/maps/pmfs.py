@@ -3,7 +3,7 @@
 """PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it.
 
 Held by:
-    extensions/search/tests/unit/maps/test_backward_plume.py
+    extensions/search/tests/unit/maps/test_pmfs.py
     extensions/search/tests/unit/maps/test_pmfs.py
 """
 

@@ -41,7 +41,7 @@ def factorise_cholesky_inplace(band):
     Source:
         Golub and Van Loan 2013, Matrix Computations, section 4.3 (banded Cholesky).
     Held by:
-        extensions/search/tests/unit/maps/test_banded_solver.py (against numpy's dense solver)
+        extensions/search/tests/unit/maps/test_wind_map.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] - 1
     column = np.empty(width + 1)
@@ -74,7 +74,7 @@ def solve_cholesky_inplace(band, values):
         values: (m, n) right sides b, one a row, replaced by the solutions x.
 
     Held by:
-        extensions/search/tests/unit/maps/test_banded_solver.py (against numpy's dense solver)
+        extensions/search/tests/unit/maps/test_wind_map.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] - 1
     for c in range(values.shape[0]):
@@ -108,7 +108,7 @@ def factorise_lu_inplace(band):
     Source:
         Golub and Van Loan 2013, Matrix Computations, section 4.3 (banded LU).
     Held by:
-        extensions/search/tests/unit/maps/test_banded_solver.py (against numpy's dense solver)
+        extensions/search/tests/unit/maps/test_wind_map.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] // 2
     for k in range(n):
@@ -133,7 +133,7 @@ def solve_transposed_lu_inplace(band, values):
         values: (n, m) right sides B, replaced by X.
 
     Held by:
-        extensions/search/tests/unit/maps/test_banded_solver.py (against numpy's dense solver)
+        extensions/search/tests/unit/maps/test_wind_map.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] // 2
     m = values.shape[1]
@@ -161,7 +161,7 @@ def add_rows_inplace(total, factors, rows):
         rows: (n_rows, n) what is added.
 
     Held by:
-        extensions/search/tests/unit/maps/test_banded_solver.py
+        extensions/search/tests/unit/maps/test_wind_map.py
     """
     for r in range(rows.shape[0]):
         factor = factors[r]

@@ -4,8 +4,8 @@ The nearest square across the wind comes first. In an empty room this flies lane
 followed and lost again, what was seen meanwhile is left out.
 
 Held by:
-    extensions/search/tests/unit/motion/test_coverage_grid.py
-    extensions/search/tests/unit/motion/test_lawnmower.py
+    extensions/search/tests/unit/motion/test_coverage.py
+    extensions/search/tests/unit/motion/test_coverage.py
 """
 
 import math

@@ -2,7 +2,7 @@
 
 Held by:
     extensions/search/tests/unit/motion/test_declaration.py
-    extensions/search/tests/unit/motion/test_plume_end.py
+    extensions/search/tests/unit/motion/test_declaration.py
     extensions/search/tests/unit/test_plume_fit.py
 """
 

@@ -3,9 +3,9 @@
 Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. The stuck detector notices.
 
 Held by:
-    extensions/search/tests/unit/motion/test_leg_planner.py
     extensions/search/tests/unit/motion/test_legs.py
-    extensions/search/tests/unit/motion/test_stuck_detector.py
+    extensions/search/tests/unit/motion/test_legs.py
+    extensions/search/tests/unit/motion/test_legs.py
 """
 
 import math

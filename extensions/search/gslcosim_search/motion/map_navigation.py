@@ -1,7 +1,7 @@
 """Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there.
 
 Held by:
-    extensions/search/tests/unit/motion/test_known_paths.py
+    extensions/search/tests/unit/motion/test_map_navigation.py
     extensions/search/tests/unit/motion/test_map_navigation.py
 """
 

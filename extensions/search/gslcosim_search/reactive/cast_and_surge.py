@@ -3,8 +3,8 @@
 A cast keeps the wind of the moment at which it began: a vehicle that turns with every gust does not cross a plume.
 
 Held by:
-    extensions/search/tests/unit/reactive/test_cast.py
-    extensions/search/tests/unit/reactive/test_surge.py
+    extensions/search/tests/unit/reactive/test_cast_and_surge.py
+    extensions/search/tests/unit/reactive/test_cast_and_surge.py
 """
 
 import math

@@ -1,7 +1,7 @@
 """Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration.
 
 Held by:
-    extensions/search/tests/unit/reactive/test_detections.py
+    extensions/search/tests/unit/reactive/test_reactive_searcher.py
     extensions/search/tests/unit/reactive/test_reactive_searcher.py
 """
 

@@ -1,7 +1,7 @@
 """Silkmoth programme after each whiff: a surge, three turns, then a loop; and its sidestep around obstacles.
 
 Held by:
-    extensions/search/tests/unit/reactive/test_sidestep.py
+    extensions/search/tests/unit/reactive/test_silkmoth.py
     extensions/search/tests/unit/reactive/test_silkmoth.py
 """
 

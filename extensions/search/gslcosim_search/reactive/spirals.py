@@ -1,7 +1,7 @@
 """Paths that wind outwards: Archimedean and square spirals, and cloverleaves.
 
 Held by:
-    extensions/search/tests/unit/reactive/test_cloverleaf.py
+    extensions/search/tests/unit/reactive/test_spirals.py
     extensions/search/tests/unit/reactive/test_spirals.py
 """
 

@@ -2,7 +2,7 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_taxis.py
-    extensions/search/tests/unit/reactive/test_two_noses.py
+    extensions/search/tests/unit/reactive/test_taxis.py
 """
 
 import math

@@ -1,7 +1,7 @@
 """Temporal memory of a plume as one of a few states, and recovery in the void.
 
 Held by:
-    extensions/search/tests/unit/reactive/test_recovery.py
+    extensions/search/tests/unit/reactive/test_temporal_memory.py
     extensions/search/tests/unit/reactive/test_temporal_memory.py
 """
 

@@ -1,7 +1,7 @@
 """Hit detection: gas or no gas from a sensor that lags, drifts and is noisy, as evidence for and against.
 
 Held by:
-    extensions/search/tests/unit/senses/test_gas_evidence.py
+    extensions/search/tests/unit/senses/test_hit_detection.py
     extensions/search/tests/unit/senses/test_hit_detection.py
 """
 

@@ -1,8 +1,8 @@
 """Stop and measure: combined readings of a hold, proximity to the source, and contact with the plume.
 
 Held by:
-    extensions/search/tests/unit/senses/test_plume_contact.py
-    extensions/search/tests/unit/senses/test_proximity.py
+    extensions/search/tests/unit/senses/test_stop_and_measure.py
+    extensions/search/tests/unit/senses/test_stop_and_measure.py
     extensions/search/tests/unit/senses/test_stop_and_measure.py
 """
 

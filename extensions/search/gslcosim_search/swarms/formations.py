@@ -3,9 +3,9 @@
 Slots are given in the frame of the formation: x upwind, y to the left of upwind, the mean of all slots at the origin.
 
 Held by:
-    extensions/search/tests/unit/swarms/test_formation_agent.py
     extensions/search/tests/unit/swarms/test_formations.py
-    extensions/search/tests/unit/swarms/test_plume_search.py
+    extensions/search/tests/unit/swarms/test_formations.py
+    extensions/search/tests/unit/swarms/test_formations.py
 """
 
 import math
@@ -349,7 +349,7 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     Source:
         Marjovi and Marques 2013 (abstract: sweeps across the wind). Lanes along walls are ours: they leave no corner.
     Held by:
-        extensions/search/tests/unit/swarms/test_plume_search.py (no place is farther than half a lane from the lanes)
+        extensions/search/tests/unit/swarms/test_formations.py (no place is farther than half a lane from the lanes)
     """
     along_rad = nearest_axis_rad(upwind_rad)
     along = 0 if abs(math.cos(along_rad)) > 0.5 else 1

@@ -5,7 +5,7 @@ the most likely place (it exploits), a hot one wanders (it explores). Where the 
 they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
 
 Held by:
-    extensions/search/tests/unit/swarms/test_langevin.py
+    extensions/search/tests/unit/swarms/test_shared_belief.py
     extensions/search/tests/unit/swarms/test_shared_belief.py
 """
 
@@ -211,7 +211,7 @@ def potential_slope(potential: Floats, grid: CellGrid, point_m: Sequence[float])
     Source:
         SniffySquad (arXiv 2411.06121), central differences; h is not given there.
     Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py (exact for a plane)
+        extensions/search/tests/unit/swarms/test_shared_belief.py (exact for a plane)
     """
     i, j = grid.nearest_cell(point_m)
     slope = np.zeros(2)
@@ -242,7 +242,7 @@ def langevin_step_m(
     Source:
         SniffySquad (arXiv 2411.06121): x <- x - eta grad Phi + sqrt(2 eta tau) xi, drift capped at the maximal speed.
     Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py (drift, that variance)
+        extensions/search/tests/unit/swarms/test_shared_belief.py (drift, that variance)
     """
     drift_m = -mobility_m2 * np.asarray(slope_per_m, dtype=np.float64)
     length_m = math.hypot(drift_m[0], drift_m[1])
@@ -270,7 +270,7 @@ def swap_probability(tau_i: float, tau_j: float, phi_i: float, phi_j: float, *, 
     Source:
         Replica exchange (Swendsen and Wang 1986); of roles, SniffySquad (arXiv 2411.06121).
     Held by:
-        extensions/search/tests/unit/swarms/test_langevin.py (limits, detailed balance)
+        extensions/search/tests/unit/swarms/test_shared_belief.py (limits, detailed balance)
     """
     return attempt * math.exp(min(0.0, (1.0 / tau_i - 1.0 / tau_j) * (phi_i - phi_j)))
 

@@ -1,14 +1,13 @@
-"""The agent `learned` flies what its parameter names, and says at the start what a policy lacks."""
-
 import numpy as np
 import pytest
 from briefings import briefing, observation
-from policies import gru, table
+from policies import NAMES, gru, table
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
 from gslcosim.runtime.agents.loader import load_python_agent
-from gslcosim_search.learned.policy import ActionSettings
+from gslcosim_search.learned.policy import ActionSettings, PolicyError
+from gslcosim_search.learned.policy_agent import match_observations
 from gslcosim_search.learned.policy_files import save_policy
 from gslcosim_search.learned.recurrent_networks import GruPolicy
 
@@ -64,3 +63,21 @@ def test_a_policy_that_does_not_fit_is_reported_by_names(tmp_path):
     )
     with pytest.raises(MethodError, match=r"expected sonar\.closeness_0 .*, was missing; not used are x, y, "):
         Learned(briefing(parameters={"policy": str(tmp_path / "mine.npz")}))
+
+
+def test_a_policy_takes_what_it_names_in_its_own_order():
+    assert match_observations(gru(), ("x", "wind.from_cos", "nose.amount", "refused", "wind.from_sin")) == [3, 2, 4, 1]
+
+
+def test_a_sensor_of_another_name_fits_where_it_is_the_only_one_that_shows_this():
+    assert match_observations(gru(), ("refused", "mox_ppm.amount", "vane.from_sin", "vane.from_cos")) == [0, 1, 2, 3]
+    with pytest.raises(
+        PolicyError, match=r"expected nose\.amount .*, was missing; not used are a\.amount, b\.amount\."
+    ):
+        match_observations(gru(), ("refused", "a.amount", "b.amount", "vane.from_sin", "vane.from_cos"))
+
+
+def test_what_is_missing_and_what_is_there_instead_are_named():
+    with pytest.raises(PolicyError, match=r"wind\.from_sin, wind\.from_cos .* not used are x, nose\.log_resistance\."):
+        match_observations(gru(), ("x", "refused", "nose.log_resistance", "nose.amount"))
+    assert len(NAMES) == 4

@@ -1,14 +1,24 @@
-"""A policy's file holds all of it, and whatever is wrong with a file is reported with its name and entry."""
-
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from policies import EVERY_KIND, NAMES, ctrnn, gru, seen, table
 
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import MethodError, UsageError
 from gslcosim_search.learned.policy import PolicyError
-from gslcosim_search.learned.policy_files import CARD, load_policy, read_policy_card, save_policy
+from gslcosim_search.learned.policy_files import (
+    CARD,
+    PARAMETERS_FILE,
+    load_parameters,
+    load_policy,
+    read_policy_card,
+    save_parameters,
+    save_policy,
+    with_learned_parameters,
+)
+
+PARAMETERS = {"inertia": 0.271, "patience": 12}
 
 
 def changed(path, *, new_card=None, drop=(), **arrays):
@@ -111,3 +121,25 @@ def test_what_cannot_be_saved_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="expected a file that can be written"):
         save_policy(tmp_path / "file" / "p.npz", gru(), {})
+
+
+def test_an_agent_gets_them_beside_its_settings(tmp_path):
+    save_parameters(tmp_path, "dr_pso", PARAMETERS, {"seeds": [1], "command": "gslcosim train mine.yaml"})
+    settings = with_learned_parameters(SimpleNamespace(near_m=1.5), str(tmp_path / "agent.py"))
+    assert vars(settings) == {"near_m": 1.5, **PARAMETERS}
+    card = json.loads((tmp_path / PARAMETERS_FILE).read_text())
+    assert (card["method"], card["command"]) == ("dr_pso", "gslcosim train mine.yaml")
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"schema": "gslcosim/parameters/2", "parameters": {}}'])
+def test_what_is_no_file_of_parameters_is_reported(tmp_path, text):
+    (tmp_path / PARAMETERS_FILE).write_text(text)
+    with pytest.raises(MethodError, match=r"parameters (that|of schema).*\nFile: .*parameters\.json"):
+        load_parameters(tmp_path / PARAMETERS_FILE)
+
+
+def test_a_file_that_is_not_there_is_reported(tmp_path):
+    with pytest.raises(
+        MethodError, match=r"expected a folder with parameters\.json, found none.*\nFile: .*parameters\.json"
+    ):
+        load_parameters(tmp_path / PARAMETERS_FILE)
