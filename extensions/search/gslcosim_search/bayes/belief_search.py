@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/bayes/test_belief_search.py
-    extensions/search/tests/unit/bayes/test_belief_search.py
 """
 
 import math

@@ -4,7 +4,6 @@
 
 Held by:
     extensions/search/tests/unit/maps/test_kernel_dm.py
-    extensions/search/tests/unit/maps/test_kernel_dm.py
 """
 
 import math

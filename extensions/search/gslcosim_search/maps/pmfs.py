@@ -4,7 +4,6 @@
 
 Held by:
     extensions/search/tests/unit/maps/test_pmfs.py
-    extensions/search/tests/unit/maps/test_pmfs.py
 """
 
 import math

@@ -5,7 +5,6 @@ followed and lost again, what was seen meanwhile is left out.
 
 Held by:
     extensions/search/tests/unit/motion/test_coverage.py
-    extensions/search/tests/unit/motion/test_coverage.py
 """
 
 import math

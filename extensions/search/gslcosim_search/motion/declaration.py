@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/motion/test_declaration.py
-    extensions/search/tests/unit/motion/test_declaration.py
     extensions/search/tests/unit/test_plume_fit.py
 """
 

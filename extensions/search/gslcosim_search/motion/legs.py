@@ -4,8 +4,6 @@ Where the wind turns in a circle, "upwind" leads a reactive search round the edd
 
 Held by:
     extensions/search/tests/unit/motion/test_legs.py
-    extensions/search/tests/unit/motion/test_legs.py
-    extensions/search/tests/unit/motion/test_legs.py
 """
 
 import math

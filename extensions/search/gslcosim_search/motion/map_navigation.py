@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/motion/test_map_navigation.py
-    extensions/search/tests/unit/motion/test_map_navigation.py
 """
 
 import math

@@ -4,7 +4,6 @@ A cast keeps the wind of the moment at which it began: a vehicle that turns with
 
 Held by:
     extensions/search/tests/unit/reactive/test_cast_and_surge.py
-    extensions/search/tests/unit/reactive/test_cast_and_surge.py
 """
 
 import math

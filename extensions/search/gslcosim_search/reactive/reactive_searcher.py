@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_reactive_searcher.py
-    extensions/search/tests/unit/reactive/test_reactive_searcher.py
 """
 
 import math

@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_silkmoth.py
-    extensions/search/tests/unit/reactive/test_silkmoth.py
 """
 
 import math

@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_spirals.py
-    extensions/search/tests/unit/reactive/test_spirals.py
 """
 
 import math

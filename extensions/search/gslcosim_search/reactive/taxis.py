@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_taxis.py
-    extensions/search/tests/unit/reactive/test_taxis.py
 """
 
 import math

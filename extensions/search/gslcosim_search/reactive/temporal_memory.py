@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/reactive/test_temporal_memory.py
-    extensions/search/tests/unit/reactive/test_temporal_memory.py
 """
 
 import math

@@ -2,7 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/senses/test_hit_detection.py
-    extensions/search/tests/unit/senses/test_hit_detection.py
 """
 
 import math

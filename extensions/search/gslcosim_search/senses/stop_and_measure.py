@@ -2,8 +2,6 @@
 
 Held by:
     extensions/search/tests/unit/senses/test_stop_and_measure.py
-    extensions/search/tests/unit/senses/test_stop_and_measure.py
-    extensions/search/tests/unit/senses/test_stop_and_measure.py
 """
 
 import math

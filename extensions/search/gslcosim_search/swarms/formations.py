@@ -4,8 +4,6 @@ Slots are given in the frame of the formation: x upwind, y to the left of upwind
 
 Held by:
     extensions/search/tests/unit/swarms/test_formations.py
-    extensions/search/tests/unit/swarms/test_formations.py
-    extensions/search/tests/unit/swarms/test_formations.py
 """
 
 import math

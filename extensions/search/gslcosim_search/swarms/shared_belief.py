@@ -6,7 +6,6 @@ they swap temperatures: the place keeps its robot, and the robot that stands wel
 
 Held by:
     extensions/search/tests/unit/swarms/test_shared_belief.py
-    extensions/search/tests/unit/swarms/test_shared_belief.py
 """
 
 import math

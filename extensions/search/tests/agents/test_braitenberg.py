@@ -66,11 +66,5 @@ def test_before_a_wall_it_turns_round(seed):
     assert -math.pi <= command.yaw_rad <= math.pi
 
 
-def test_after_a_notice_it_does_not_go_on_as_before():
-    agent = vehicle()
-    before = decide(agent, 0.0, 0.0)
-    assert decide(agent, 0.0, 0.0, notice="heading for a wall").yaw_rad != before.yaw_rad
-
-
 def test_it_comes_back_to_its_height():
     assert decide(vehicle(), 0.0, 0.0, position_m=(7.0, 5.0, 2.4)).velocity_world_m_s[2] == pytest.approx(-0.2)

@@ -1,12 +1,9 @@
-import numpy as np
 import pytest
 from briefings import briefing, observation
-from toy_swarm import ToySwarm, hill
 
 from gslcosim_agents.c_pso.agent import CPso
 
 MEMBERS = ("a", "b", "c", "d")
-STARTS = [(3.0, 3.0), (3.0, 12.0), (12.0, 12.0), (12.0, 3.0)]
 
 
 def made(name: str, **parameters) -> CPso:
@@ -35,21 +32,3 @@ def test_charges_push_each_other_and_no_other():
     assert pushed(made("a"), ("c", text)) == [0.0, 0.0]
     assert pushed(made("c"), ("a", text)) == [0.0, 0.0]
     assert pushed(made("a"), ("b", "g 39 700 1200 200 0")) == [0.0, 0.0]  # beyond the reach of 5 m
-
-
-@pytest.mark.slow
-def test_charged_robots_search_on_about_those_that_converge():
-    """At the top of a hill robots without charge stand together; charged ones keep their distance from each other."""
-    parameters = {"declares": False, "fades_s": 0, "charge_squared_m3": 4.0}
-    swarm = ToySwarm(CPso, STARTS, hill(7.5, 7.5), seed=2, parameters=parameters, hold_s=0.2)
-    gaps = {"charged": [], "plain": []}
-
-    def note(swarm):
-        if swarm.time_s > 40.0:
-            places = [robot.place_m for robot in swarm.robots]
-            gaps["charged"].append(np.hypot(*(places[0] - places[1])))
-            gaps["plain"].append(np.hypot(*(places[2] - places[3])))
-        return False
-
-    swarm.fly(120.0, note)
-    assert np.mean(gaps["charged"]) > 2.0 * np.mean(gaps["plain"])

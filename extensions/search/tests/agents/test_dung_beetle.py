@@ -4,7 +4,7 @@ import briefings
 import pytest
 
 from gslcosim.agent_kit import Briefing, Observation
-from gslcosim_agents.dung_beetle.agent import DungBeetle, to_millimetre
+from gslcosim_agents.dung_beetle.agent import DungBeetle
 
 WEST_WIND_RAD = math.pi  # comes from -x
 
@@ -68,12 +68,6 @@ def test_the_generator_is_splitmix64():
     beetle = DungBeetle(briefing(1_234_567))
     published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431]
     assert [beetle.random_fraction() for _ in published] == [(value >> 11) / 2**53 for value in published]
-
-
-def test_rounding_to_millimetres_goes_half_up_for_either_sign():
-    assert [to_millimetre(value) for value in (1.2344, 1.2346, 0.0005, -0.0004, -1.2346)] == [
-        1.234, 1.235, 0.001, 0.0, -1.235,
-    ]  # fmt: skip
 
 
 def switched(**parameters) -> DungBeetle:

@@ -1,5 +1,4 @@
 import math
-from itertools import pairwise
 
 import pytest
 from briefings import briefing, observation
@@ -47,14 +46,6 @@ def test_the_mean_over_a_hold_can_be_compared_instead_of_the_last_reading():
         flown.observe(last)
         x_m, y_m, _ = flown.decide(last).position_world_m
         assert (math.atan2(y_m - 5.0, x_m - 8.0) == pytest.approx(first, abs=0.002)) is is_kept
-
-
-def test_a_surge_may_turn_a_little():
-    headings = headings_rad(agent(surge_turn_rad=0.1), [5e4 * 0.9**i for i in range(30)])
-    turns = [math.remainder(b - a, math.tau) for a, b in pairwise(headings)]
-    assert max(turns) > 0.05
-    assert min(turns) < -0.05
-    assert max(map(abs, turns)) <= 0.103
 
 
 def at(radius_m, turns):

@@ -42,12 +42,6 @@ def test_on_a_plane_it_goes_off_the_slope_to_either_side_in_turn():
     assert all(a * b < 0.0 for a, b in pairwise(headings[4:9]))
 
 
-def test_in_clean_air_it_walks_at_random():
-    path_m = flown_m(searcher(), lambda _: 0.0, n=40)
-    assert len(set(path_m)) == 41
-    assert [math.dist(a, b) for a, b in pairwise(path_m)] == pytest.approx([1.0] * 40, abs=0.002)
-
-
 def test_with_four_noses_one_stop_is_enough():
     mounts = [(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)]
     sensors = [("pid", f"nose{i}", (*mount, 0.0)) for i, mount in enumerate(mounts)]

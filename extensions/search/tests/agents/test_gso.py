@@ -74,15 +74,6 @@ def test_who_is_out_of_sight_is_not_followed_and_sight_stays_in_its_bounds():
         assert 0.0 <= agent.radius_m <= 3.0
 
 
-def test_in_calm_air_the_brightest_spirals_on():
-    agent, place, steps = made(), (7.0, 5.0), []
-    for i in range(12):
-        step, _ = leg(agent, ppm=3.0, wind=(0.0, 0.0), tick=40 + 20 * i, place_m=place)
-        place = (place[0] + step[0], place[1] + step[1])
-        steps.append(math.dist(place, (7.0, 5.0)))
-    assert steps[-1] > 1.5
-
-
 @pytest.mark.slow
 def test_five_gather_about_the_source_of_a_plume():
     """Gas that grows towards the source upwind: all come near, by following or upwind."""

@@ -80,11 +80,7 @@ def test_it_finds_the_source_of_a_plume_in_a_steady_wind(agent_type):
 
 @pytest.mark.parametrize(
     ("agent_type", "parameters"),
-    [
-        (SpaceAwareInfotaxis, {}),
-        (DualControl, {}),
-        (CognitiveSearch, {"reward": "free_energy", "temperature": 0.0}),
-    ],
+    [(SpaceAwareInfotaxis, {}), (DualControl, {}), (CognitiveSearch, {"reward": "free_energy", "temperature": 0.0})],
 )
 def test_a_sure_belief_is_flown_to_straight(agent_type, parameters):
     """Infotaxis has nothing to gain then; these still count the way."""
@@ -154,13 +150,3 @@ def test_infotaxis_3d_climbs_or_dives_to_a_source_above_or_below(height_m, sign)
     sure_of(agent, (7.2, 5.2, height_m))
     end_m = agent.decide(at(4.0, start_m)).position_world_m
     assert sign * (end_m[2] - start_m[2]) == pytest.approx(1.0)
-
-
-def test_dual_control_does_not_wait_in_the_middle_of_an_even_belief():
-    agent, place_m, places = made(DualControl), (7.5, 5.0, 2.0), []
-    for k in range(8):
-        places.append(place_m)
-        for i in range(31):
-            agent.observe(at(4.0 * k + 0.1 * i, place_m))
-        place_m = agent.decide(at(4.0 * k + 3.1, place_m)).position_world_m
-    assert len({tuple(np.round(place, 1)) for place in places}) >= 6

@@ -43,12 +43,6 @@ def test_after_a_whiff_it_runs_the_moths_programme(side, nose):
     assert rates[16:] == pytest.approx([-1.3] * len(rates[16:]))
 
 
-def test_a_surge_goes_up_the_wind_and_a_little_to_the_side_of_the_whiff():
-    left, right = (speed_and_heading(made().decide(at(10, **{nose: 1.0})))[1] for nose in ("left", "right"))
-    assert math.remainder(left - WEST_RAD, math.tau) == pytest.approx(0.0, abs=0.01)
-    assert math.remainder(right - WEST_RAD, math.tau) == pytest.approx(0.0, abs=0.01)
-
-
 def test_a_whiff_at_any_time_begins_a_new_surge():
     agent = made()
     agent.decide(at(10, left=1.0))

@@ -64,13 +64,6 @@ def test_a_better_best_of_the_swarm_changes_the_waypoint_at_once():
     assert agent.waypoint_m is now
 
 
-def test_the_port_flies_legs_of_half_a_metre():
-    agent = made(table="gsl_bench")
-    for i in range(30):
-        answer(agent, tick=40 + 2 * i)
-        assert math.dist(agent.waypoint_m, (7.0, 5.0)) <= 0.5 + 1e-3
-
-
 @pytest.mark.parametrize("beam", range(4))
 def test_it_never_flies_into_what_a_beam_sees_right_before_it(beam):
     ranges_m = [4.0] * 4

@@ -56,14 +56,6 @@ def test_the_last_blank_decides_how_long_it_waits():
     assert (x_m, abs(y_m - 5.0)) == (5.0, 0.75)
 
 
-def test_without_wind_or_gas_it_explores_new_places():
-    places = flown(made(), [0.0] * 25)
-    assert len(set(places)) == 25
-    calm = made()
-    command = calm.decide(at(40, ppm=1.0, speed_m_s=0.0))
-    assert command.position_world_m != (6.0, 5.0, 2.0)
-
-
 def test_it_may_explore_at_random_nearby():
     (place_m,) = flown(made(parameters={"explore": "random"}), [0.0])
     assert max(abs(place_m[0] - 7.0), abs(place_m[1] - 5.0)) <= 0.5

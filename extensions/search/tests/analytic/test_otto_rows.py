@@ -207,11 +207,7 @@ def test_a_searcher_next_to_a_sure_source_steps_on_it():
 
 # Mean steps of the first twelve episodes of each policy. With them the policies agreed with the published rows, below;
 # a cost that is a little different decides differently within a few steps.
-FIRST_EPISODES = {
-    "infotaxis": 18.259185247612137,
-    "space_aware": 17.166669455322495,
-    "greedy": 11.219521056360207,
-}
+FIRST_EPISODES = {"infotaxis": 18.259185247612137, "space_aware": 17.166669455322495, "greedy": 11.219521056360207}
 
 
 @pytest.mark.parametrize("name", FIRST_EPISODES)

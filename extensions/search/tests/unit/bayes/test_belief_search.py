@@ -228,11 +228,6 @@ def test_only_allowed_cells_are_goals_and_near_ones_are_when_there_are_no_others
     assert choose_goal(worth, GRID, allowed, here_m, near_m=1.0, least_m=0.4) == pytest.approx(here_m)
 
 
-def test_equal_goals_go_to_the_first():
-    worth = np.ones(GRID.shape)
-    assert choose_goal(worth, GRID, ALL, (0.0, 0.0), near_m=math.inf) == pytest.approx(GRID.centre_m((0, 0)))
-
-
 def test_coarser_cells_hold_the_mass_of_their_block():
     p = normalised(RNG.uniform(size=(7, 5)))
     summed, grid = coarsen_belief(p, CellGrid((0.0, 0.0), 0.2, (7, 5)), least_cell_m=0.5)

@@ -131,20 +131,6 @@ def test_the_likeliest_path_is_the_best_of_all(plume):
         assert found.cells == tuple((cell // n_y, cell % n_y) for cell in best_cells)
 
 
-def test_gas_does_not_pass_a_wall_nor_the_corner_between_two_solid_cells():
-    grid = CellGrid((0.0, 0.0), 1.0, (7, 6))
-    wall = np.zeros(grid.shape, bool)
-    wall[3, :] = True
-    plume = build_chain_in_uniform_wind(grid, wall, np.tile([[0.4, 0.0]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
-    chance = compute_arrival_probabilities(plume, (6, 2))
-    assert chance[:, :3].max() == 0.0
-    assert chance[0, 4:].max() > 0.0
-    corner = np.zeros(grid.shape, bool)
-    corner[[0, 1, 2, 3], [3, 2, 1, 0]] = True
-    plume = build_chain_in_uniform_wind(grid, corner, np.tile([[0.3, 0.3]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
-    assert compute_arrival_probabilities(plume, (4, 4))[:, 0, 0].max() == 0.0
-
-
 def test_shares_are_the_mean_and_the_product_over_release_times(plume):
     chance = compute_arrival_probabilities(plume, (2, 1))
     mean_share, log_share = compute_finding_likelihoods(chance, detection_probability=0.8, puffs_per_hop=0.5)

@@ -113,21 +113,6 @@ def test_systematic_draws_take_each_particle_as_often_as_its_weight_says():
         assert np.all(np.abs(counts - 50 * weight) < 1.0)
 
 
-def test_the_jitter_of_the_rule_grows_with_the_cloud_and_shrinks_with_its_number():
-    for n in (500, 8000):
-        particles = cloud(n, seed=3)
-        spread_m = particles.places_m.std(axis=0)
-        particles.resample()
-        grown = particles.places_m.var(axis=0) / spread_m**2 - 1.0
-        # Walls keep some of the jitter in.
-        assert np.all(grown < n ** (-1 / 3) * 1.5)
-    still = cloud(500, seed=3)
-    still.bear((3.0, 2.0), np.zeros((1, 2)), np.full((1, 2), 0.04))
-    variance = still.places_m.var(axis=0)
-    still.resample()
-    assert still.places_m.var(axis=0) / variance == pytest.approx([1.0 + 500 ** (-1 / 3)] * 2, rel=0.15)
-
-
 def test_good_particles_have_children_and_the_others_die_by_chance():
     particles = cloud(900, seed=5)
     log_miss = np.where(particles.places_m[:, 0] < 1.0, 0.0, -3.0)

@@ -246,18 +246,6 @@ def test_a_rejected_place_stays_rejected_through_moves_and_is_not_impossible():
     assert 0.0 < searcher.weights()[inside].sum() < 0.015
 
 
-def test_a_cloud_in_the_wrong_place_finds_out_by_draws_from_the_prior():
-    searcher, truth, _ = flown(9, 500, 3)
-    right = searcher.terms.copy()
-    searcher.terms[:, 0], searcher.terms[:, 1] = 24.0, 24.0
-    searcher._log_likelihoods = searcher._all_likelihoods(searcher.terms)
-    for _ in range(40):
-        searcher._renew()
-    mean = searcher.mean()
-    off_m = math.hypot(mean["x_m"] - truth[0], mean["y_m"] - truth[1])
-    assert off_m < 3.0 + math.hypot(right[:, 0].mean() - truth[0], right[:, 1].mean() - truth[1])
-
-
 def test_a_filter_survives_readings_that_its_model_cannot_explain():
     searcher = SourceTermFilter(DEMO, PlumeSensor(), 100, np.random.default_rng(1))
     for ppm in (1e6, 0.0, 1e-9, 1e6):

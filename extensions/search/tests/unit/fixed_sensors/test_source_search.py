@@ -97,18 +97,3 @@ def test_readings_that_are_missing_cost_themselves_alone():
     fit = fit_terms(response_at(TRUE_M, wind), readings, group, prior, reading_error_ppm=ERROR_PPM)
     assert fit.rate_m3_s == pytest.approx(RATE_M3_S, rel=0.05)
     assert fit.background_ppm == pytest.approx(np.array([[1.9, 2.0, 2.1], [1.8, 2.0, 2.2]]), abs=0.03)
-
-
-def test_a_beam_without_a_reading_is_no_beam():
-    rng = np.random.default_rng(13)
-    wind, readings, group = made_up(rng)
-    dead = readings.copy()
-    dead[:, 1] = np.nan
-    priors = [BackgroundPrior.of_readings(values, reading_error_ppm=ERROR_PPM) for values in (dead, readings[:, ::2])]
-    assert priors[0] == priors[1]
-    response = response_at(TRUE_M, wind)
-    of_all = fit_terms(response, dead, group, priors[0], reading_error_ppm=ERROR_PPM)
-    of_two = fit_terms(response[:, ::2].copy(), readings[:, ::2], group, priors[0], reading_error_ppm=ERROR_PPM)
-    assert of_all.rate_m3_s == pytest.approx(of_two.rate_m3_s)
-    assert of_all.log_likelihood == pytest.approx(of_two.log_likelihood)
-    assert of_all.background_ppm[:, ::2] == pytest.approx(of_two.background_ppm)

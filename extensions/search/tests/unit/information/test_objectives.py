@@ -97,12 +97,6 @@ def test_the_chance_to_find_the_source_is_the_mass_within_reach():
                                                           ((2, 2), (3, 2), (1, 2), (2, 3), (2, 1))])  # fmt: skip
 
 
-def test_the_renyi_divergence_tends_to_that_of_kullback_and_leibler():
-    p, stops = belief(), candidates()
-    near_one = predict_stops(p, stops, alpha=1.0 - 1e-6)
-    assert near_one.renyi_bits == pytest.approx(near_one.gain_bits, rel=1e-4)
-
-
 def test_smaller_cells_take_their_share_from_the_entropy_in_steps():
     predictions = predict_stops(belief(), candidates())
     coarse = space_aware_cost(predictions, step_m=1.0)

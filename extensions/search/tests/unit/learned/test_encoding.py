@@ -47,12 +47,6 @@ def test_a_sensor_that_warms_up_shows_nothing():
     assert seen(vector, warming=["vane"])["vane.from_cos"] == 0.0
 
 
-def test_pictures_have_no_numbers():
-    vector = ObservationVector(briefing(sensors=(("pid", "nose"), ("camera", "eye"))))
-    assert vector.left_out == ("eye",)
-    assert vector.names[10:] == ("nose.amount",)
-
-
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
 def test_amounts_keep_their_order_and_sign(a_ppm, b_ppm):
     assert (amount(a_ppm) <= amount(b_ppm)) == (a_ppm <= b_ppm) or amount(a_ppm) == amount(b_ppm)

@@ -8,7 +8,6 @@ from gslcosim_search.learned.shield import shield_velocity
 
 N_RAYS, KEEP_M, REACH_M = 8, 0.4, 0.9
 DIRECTIONS = [(math.cos(i * math.pi / 4), math.sin(i * math.pi / 4)) for i in range(N_RAYS)]
-FAR_M = [4.0] * N_RAYS
 
 
 def shielded(velocity, ranges_m, yaw_rad=0.0):
@@ -22,10 +21,6 @@ def shielded(velocity, ranges_m, yaw_rad=0.0):
 def wall(x_m):
     """Ranges in front of a wall along y, x_m ahead."""
     return [x_m / math.cos(rad) if (math.cos(rad := i * math.pi / 4)) > 0.1 else 4.0 for i in range(N_RAYS)]
-
-
-def test_where_nothing_is_near_a_velocity_stays():
-    assert shielded((0.9, -0.4), FAR_M) == [0.9, -0.4]
 
 
 def test_towards_a_wall_it_is_slowed_and_along_it_kept():

@@ -5,13 +5,7 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim_search.learned.encoding import amount, find_frame_problem, scaled_speed, turn_actions
-from gslcosim_search.learned.wind_frame import (
-    N_WIND_FRAME,
-    WIND_FRAME_NAMES,
-    WindFrame,
-    asks_wind_frame,
-    find_columns,
-)
+from gslcosim_search.learned.wind_frame import N_WIND_FRAME, WIND_FRAME_NAMES, WindFrame, find_columns
 
 PLANAR = ("x", "y", "vx", "vy", "time", "nose_ppm.amount", "wind.speed", "wind.from_sin", "wind.from_cos")
 SPATIAL = (*PLANAR[:6], "wind.x", "wind.y", "wind.z")
@@ -107,11 +101,6 @@ def test_a_sensor_that_warms_up_turns_nothing():
 def test_what_is_missing_is_named(names, what):
     with pytest.raises(UsageError, match=f"wind_frame: expected {what} among the sensors, found none"):
         find_columns(names)
-
-
-def test_observations_of_the_frame_ask_for_it():
-    assert asks_wind_frame(("x", "bouts.since"))
-    assert not asks_wind_frame(("x", "wind.speed"))
 
 
 def test_actions_are_turned_from_the_wind_frame():

@@ -28,12 +28,6 @@ def centre(cell) -> tuple[float, ...]:
     return tuple(0.25 * (i + 0.5) for i in cell)
 
 
-def test_at_first_all_free_cells_are_equally_likely():
-    p = method(room_with_wall()).p
-    assert p[room_with_wall()] == pytest.approx(1.0 / room_with_wall().sum())
-    assert (p[~room_with_wall()] == 0.0).all()
-
-
 def test_a_hit_favours_cells_upwind_by_their_direction():
     gsl = method(open_room())
     gsl.update(centre((15, 15)), is_hit=True, downwind_rad=EAST)

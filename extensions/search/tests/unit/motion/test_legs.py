@@ -203,12 +203,6 @@ def test_from_outside_the_margin_a_leg_leads_inside():
     assert cut_end_m((0.2, 5.0), (0.1, 6.0), INNER_ROOM) == (1.0, 6.0)
 
 
-def test_a_leg_to_a_free_place_ends_there_at_search_height():
-    command = pilot().leg(at(7.0, 5.0), (8.25, 4.5))
-    assert command.position_world_m == (8.25, 4.5, 2.0)
-    assert command.hold_s is None
-
-
 @pytest.mark.parametrize(("z_m", "expected_m"), [(3.3, 3.3), (-5.0, 1.0), (50.0, 7.0)])
 def test_a_height_is_kept_within_the_margin(z_m, expected_m):
     command = pilot().leg(at(7.0, 5.0), (8.0, 5.0), z_m=z_m, hold_s=0.5)

@@ -5,11 +5,7 @@ import numpy as np
 import pytest
 from briefings import briefing, open_map
 
-from gslcosim.contract.messages import (
-    Briefing,
-    KnownMap,
-    Observation,
-)
+from gslcosim.contract.messages import Briefing, KnownMap, Observation
 from gslcosim.contract.record import NumericArray
 from gslcosim_search.motion.grid_paths import is_free_at
 from gslcosim_search.motion.map_navigation import KnownPaths, MapNavigator, StopRecorder, largest_connected_part

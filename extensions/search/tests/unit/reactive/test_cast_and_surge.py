@@ -56,12 +56,6 @@ def test_a_cast_stays_on_the_line_across_the_wind_that_it_began_with(upwind_rad,
         assert find_side((x_m, y_m), (3.0, 4.0), upwind_rad) == (side if i % 2 == 0 else -side)
 
 
-def test_a_cast_ends_after_its_legs():
-    sequence = cast(n_legs=2)
-    assert len(turns_of(sequence)) == 2
-    assert sequence.next_turn_m() is None
-
-
 def test_a_cast_in_the_plane_crosses_both_ways_and_grows_after_a_round():
     sequence = PlaneCastSequence(
         anchor_m=(3.0, 4.0, 2.0), upwind_rad=0.0, side=-1, lift=1, width_m=0.75, height_m=0.5, n_legs=8
@@ -69,15 +63,6 @@ def test_a_cast_in_the_plane_crosses_both_ways_and_grows_after_a_round():
     offsets = [(-(y - 4.0), z - 2.0) for _, y, z in turns_of(sequence)]
     expected = [(0.75, 0), (-0.75, 0), (0, 0.5), (0, -0.5), (1.5, 0), (-1.5, 0), (0, 1), (0, -1)]
     assert offsets == [pytest.approx(offset) for offset in expected]
-
-
-def test_a_cast_in_the_plane_keeps_to_the_plane_and_may_dip_first():
-    sequence = PlaneCastSequence(
-        anchor_m=(0.0, 0.0, 2.0), upwind_rad=0.7, side=1, lift=-1, width_m=1.0, height_m=0.5, n_legs=4
-    )
-    turns = turns_of(sequence)
-    assert all(x * math.cos(0.7) + y * math.sin(0.7) == pytest.approx(0.0, abs=1e-12) for x, y, _ in turns)
-    assert [z for _, _, z in turns] == [2.0, 2.0, 1.5, 2.5]
 
 
 @pytest.mark.parametrize("upwind_rad", [0.0, 0.7, math.pi, -2.0])

@@ -19,7 +19,6 @@ from gslcosim_search.reactive.temporal_memory import (
     best_move,
     gas_state,
     load_policies,
-    make_recovery,
     memory_features,
     opposite_move,
     rank_frac,
@@ -158,10 +157,3 @@ def test_cast_surge_runs_1_2_4_steps_across_with_one_upwind_between(seed):
     other = opposite_move(first)
     assert first in (LEFT, RIGHT)
     assert rest == [UPWIND, other, other, UPWIND, first, first, first, first, UPWIND]
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"), [("backtrack", Backtrack), ("circling", Circling), ("cast_surge", CastSurge)]
-)
-def test_a_recovery_is_found_by_its_name(name, expected):
-    assert isinstance(make_recovery(name, RandomStream(1), []), expected)

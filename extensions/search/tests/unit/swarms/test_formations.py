@@ -144,13 +144,6 @@ def test_a_formation_in_its_places_moves_as_one(shape):
     assert speeds == pytest.approx(np.tile(0.3 * np.array([math.cos(0.7), math.sin(0.7)]), (5, 1)))
 
 
-def test_the_centre_moves_upwind_with_its_gain_however_disordered_the_robots_are():
-    rng = np.random.default_rng(1)
-    offsets = formation("ring", 4, 1.0)
-    speeds = velocities(rng.uniform(0.0, 9.0, (4, 2)), offsets, math.pi, 0.0)
-    assert speeds.mean(axis=0) == pytest.approx([-0.3, 0.0])
-
-
 def test_odour_on_the_left_moves_the_centre_to_the_left():
     offsets = formation("ring", 4, 1.0)
     speeds = velocities(offsets, offsets, math.pi, 1.5)
@@ -326,11 +319,6 @@ def test_all_near_a_place_with_much_gas_for_long_is_a_declaration_said_once(ppm,
     if said:
         assert said[0].declaration.position_world_m == pytest.approx((*PLACES_M["ada"], 1.0))
         assert said[0].outgoing
-
-
-def test_a_team_that_is_not_to_declare_never_does():
-    team = flight(declares=False)
-    assert {play_round(team, 1.0 + 2.0 * i, ppm=3.0).kind for i in range(8)} == {"waypoint"}
 
 
 def test_without_gas_it_searches_lanes_and_after_gas_about_where_it_was():

@@ -53,12 +53,6 @@ def test_iterates_with_given_random_numbers_are_those_worked_out_by_hand():
     assert (place + second).tolist() == [4.25, 2.5]
 
 
-def test_the_velocity_leaves_its_arguments_alone():
-    velocity, place = at(1, 2), at(3, 4)
-    pso_velocity(velocity, place, place, place, weights=WEIGHTS, draws=np.ones((2, 2)))
-    assert (velocity.tolist(), place.tolist()) == ([1, 2], [3, 4])
-
-
 def test_a_long_step_is_cut_to_a_leg_and_a_short_one_kept():
     assert limit_length(at(3, 4), 1.0) == pytest.approx([0.6, 0.8])
     assert limit_length(at(0.3, 0.4), 1.0).tolist() == [0.3, 0.4]
@@ -73,10 +67,6 @@ def test_neighbours_push_in_place_of_the_swarm():
 def test_without_neighbours_nothing_pushes():
     assert repelled_velocity(at(1, 0), at(5, 5), np.array([[0.0, 0.0]]), within_m=1.5, leg_m=0.5) is None
     assert repelled_velocity(at(1, 0), at(5, 5), np.empty((0, 2)), within_m=1.5, leg_m=0.5) is None
-
-
-def test_robots_in_each_other_do_not_push_by_chance():
-    assert repelled_velocity(at(0, 0), at(5, 5), at(5, 5)[None], within_m=1.5, leg_m=0.5).tolist() == [0, 0]
 
 
 @pytest.mark.parametrize(

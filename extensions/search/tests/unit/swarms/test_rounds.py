@@ -132,11 +132,6 @@ def test_alone_a_robot_steps_at_once():
     assert alone.done[0][1].names == ("ada",)
 
 
-def test_slots_follow_the_sorted_names():
-    assert [rounds_of(name, members=("cyd", "ada", "bob")).index for name in NAMES] == [0, 1, 2]
-    assert rounds_of("ada").n_members == 3
-
-
 def briefing(*members: str, name: str = "one", max_bytes: int = 64, channels: int = 1) -> Briefing:
     channel = ChannelDescription(name="radio", members=members, range_m=None, delay_ticks=1, max_bytes=max_bytes)
     return build_briefing(agent=name, contract_version="1.1", channels=(channel,) * channels)

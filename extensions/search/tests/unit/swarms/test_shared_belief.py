@@ -79,14 +79,6 @@ def test_a_finding_that_comes_twice_counts_once():
     assert np.array_equal(once.p, before)
 
 
-def test_a_hit_raises_the_upwind_side_and_clean_air_lowers_it():
-    hit, clean = belief(), belief()
-    hit.add(found("ada", 1, 2.0, (5.5, 3.5), hit=True))
-    clean.add(found("ada", 1, 2.0, (5.5, 3.5)))
-    # The wind goes to +x: upwind is the side of small x.
-    assert hit.p[:5].sum() > 5.0 / 9.0 > clean.p[:5].sum()
-
-
 def test_the_second_finding_at_a_place_weighs_half_of_the_first():
     """With all powers as 1, p goes with the likelihood L to the power 1 + 1/2 for two equal findings at one place."""
     one, two = belief(power=1.0), belief(power=1.0)
@@ -212,11 +204,6 @@ def test_neighbours_swap_in_turns_when_the_colder_stands_worse():
     worse_and_worse = {"a": 9.0, "b": 5.0, "c": 1.0}
     assert swapped(worse_and_worse) == {"a": 1, "b": 0, "c": 2}
     assert swapped(worse_and_worse, is_odd=True) == {"a": 0, "b": 2, "c": 1}
-
-
-def test_who_stands_well_keeps_its_role_and_nothing_is_tried_without_attempts():
-    assert swapped({"a": 1.0, "b": 5.0, "c": 9.0}) == {"a": 0, "b": 1, "c": 2}
-    assert swapped({"a": 9.0, "b": 5.0, "c": 1.0}, attempt=0.0) == {"a": 0, "b": 1, "c": 2}
 
 
 def test_roles_are_only_exchanged_never_lost():

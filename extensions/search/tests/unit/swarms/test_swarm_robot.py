@@ -6,11 +6,7 @@ import pytest
 from briefings import observation, sensor
 from built_messages import build_briefing
 
-from gslcosim.contract.messages import (
-    Bounds,
-    ChannelDescription,
-    Observation,
-)
+from gslcosim.contract.messages import Bounds, ChannelDescription, Observation
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.senses.instruments import Nose
