@@ -4,7 +4,7 @@ Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame 
 
 Held by:
     extensions/search/tests/agents/test_gso.py
-    extensions/search/tests/agents/test_modified_gso.py
+    extensions/search/tests/agents/test_gso.py
     extensions/search/tests/unit/swarms/test_glowworms.py
 """
 

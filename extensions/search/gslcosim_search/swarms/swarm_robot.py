@@ -1,7 +1,7 @@
 """Swarm robot: a nose, bests that fade, reports of the others, legs, and a declaration; particles among them.
 
 Held by:
-    extensions/search/tests/agents/test_s_pso.py
+    extensions/search/tests/agents/test_particle_swarms.py
     extensions/search/tests/unit/swarms/test_swarm_robot.py
 """
 

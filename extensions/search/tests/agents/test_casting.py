@@ -2,18 +2,13 @@ import math
 from itertools import pairwise
 
 import pytest
-import stops_in_wind
-from stops_in_wind import at, flown
+from stops_in_wind import at, flown, made
 
 from gslcosim_agents.casting.agent import Casting
 
 
-def made(**changes):
-    return stops_in_wind.made(Casting, **changes)
-
-
 def test_in_the_plume_it_keeps_to_one_angle_to_upwind():
-    places = [(7.0, 5.0, 2.0), *flown(made(parameters={"beta_deg": 20.0}), [1.0, 1.0, 1.0])]
+    places = [(7.0, 5.0, 2.0), *flown(made(Casting, parameters={"beta_deg": 20.0}), [1.0, 1.0, 1.0])]
     steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(places)]
     angles = [math.degrees(math.atan2(y, -x)) for x, y in steps]
     assert [math.hypot(*step) for step in steps] == pytest.approx([1.0] * 3, abs=0.002)
@@ -21,7 +16,7 @@ def test_in_the_plume_it_keeps_to_one_angle_to_upwind():
 
 
 def test_past_the_edge_it_goes_back_across_and_then_aslant_to_the_other_side():
-    agent = made(parameters={"lost_m": 1.0, "cast_m": 1.5})
+    agent = made(Casting, parameters={"lost_m": 1.0, "cast_m": 1.5})
     places = flown(agent, [1.0, 0.0])
     side = math.copysign(1.0, places[0][1] - 5.0)
     assert places[1][0] == pytest.approx(places[0][0], abs=0.001)
@@ -32,6 +27,6 @@ def test_past_the_edge_it_goes_back_across_and_then_aslant_to_the_other_side():
 
 
 def test_a_cast_that_meets_nothing_grows_and_ends_in_new_places():
-    places = flown(made(parameters={"lost_m": 1.0, "n_returns": 0, "n_casts": 2}), [1.0] + [0.0] * 12)
+    places = flown(made(Casting, parameters={"lost_m": 1.0, "n_returns": 0, "n_casts": 2}), [1.0] + [0.0] * 12)
     assert math.dist(places[1], places[2]) == pytest.approx(3.0, abs=0.002)
     assert len(set(places)) == len(places)

@@ -4,9 +4,12 @@ import briefings
 import pytest
 
 from gslcosim.agent_kit import Briefing, Observation
+from gslcosim_agents.calling_beetle.agent import CallingBeetle
 from gslcosim_agents.dung_beetle.agent import DungBeetle
 
 WEST_WIND_RAD = math.pi  # comes from -x
+HERE_M = (7.0, 5.0, 2.0)
+CLEAN, GAS = 50_000.0, 20_000.0
 
 
 def briefing(seed: int = 1) -> Briefing:
@@ -114,3 +117,39 @@ def test_a_leg_with_a_duration_goes_to_the_same_place():
     assert timed.kind == "mission"
     assert timed.waypoints[0].position_world_m == switched().decide(observation(ohm=50_000.0)).position_world_m
     assert (timed.waypoints[0].after_s, timed.waypoints[0].hold_s) == (3.0, 2.0)
+
+
+def beetle(*, members=("searcher", "other"), **parameters) -> CallingBeetle:
+    return CallingBeetle(briefings.briefing(members=members, parameters=parameters))
+
+
+def shown(ohm, **changes):
+    return briefings.observation(position_m=HERE_M, readings={"nose": ohm, "vane": (0.5, math.pi)}, **changes)
+
+
+def direction_deg(command):
+    x_m, y_m, _ = command.position_world_m
+    return math.degrees(math.atan2(y_m - HERE_M[1], x_m - HERE_M[0]))
+
+
+def test_in_gas_it_calls_with_its_place_and_zigzags():
+    caller = beetle()
+    assert caller.decide(shown(CLEAN)).outgoing == ()
+    commands = [caller.decide(shown(GAS)) for _ in range(2)]
+    assert [message.text for command in commands for message in command.outgoing] == ["7.00 5.00"] * 2
+    assert sorted(abs(direction_deg(command)) for command in commands) == pytest.approx([120.0, 120.0])
+    assert direction_deg(commands[0]) == pytest.approx(-direction_deg(commands[1]))
+
+
+def test_called_it_comes_until_it_is_near():
+    called = beetle()
+    called.observe(shown(CLEAN, asked=False, heard=[("other", "10.00 5.00")]))
+    assert direction_deg(called.decide(shown(CLEAN))) == pytest.approx(0.0)
+    called.observe(shown(CLEAN, asked=False, heard=[("other", "7.50 5.00")]))
+    assert abs(direction_deg(called.decide(shown(CLEAN)))) == pytest.approx(90.0)
+
+
+def test_without_a_channel_it_searches_alone():
+    alone = beetle(members=())
+    alone.decide(shown(CLEAN))
+    assert alone.decide(shown(GAS)).outgoing == ()
