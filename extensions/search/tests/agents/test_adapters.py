@@ -84,11 +84,6 @@ def test_what_a_policy_reads_off_is_the_chance_of_each_number_of_hits_from_each_
     assert chances == pytest.approx(expected)
 
 
-def test_distances_are_those_of_the_norm_that_is_asked_for():
-    by_norm = {norm: world()._distance(N=5, origin=[2, 2], norm=norm)[4, 3] for norm in ("Manhattan", "Euclidean")}
-    assert by_norm == {"Manhattan": 3.0, "Euclidean": pytest.approx(math.sqrt(5.0))}
-
-
 def test_a_policy_for_otto_finds_a_source_with_gas_as_the_table_has_it(policies):
     rng, source_m = np.random.default_rng(4), np.array([[2.0, 3.0]])
     agent_briefing = briefing(sensors=PID, size_m=(10.0, 6.0, 4.0), parameters={**policies, "power": 1.0})

@@ -147,9 +147,3 @@ def test_called_it_comes_until_it_is_near():
     assert direction_deg(called.decide(shown(CLEAN))) == pytest.approx(0.0)
     called.observe(shown(CLEAN, asked=False, heard=[("other", "7.50 5.00")]))
     assert abs(direction_deg(called.decide(shown(CLEAN)))) == pytest.approx(90.0)
-
-
-def test_without_a_channel_it_searches_alone():
-    alone = beetle(members=())
-    alone.decide(shown(CLEAN))
-    assert alone.decide(shown(GAS)).outgoing == ()

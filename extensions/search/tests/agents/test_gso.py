@@ -38,11 +38,6 @@ def test_one_who_glows_more_is_followed():
     assert step == pytest.approx([0.0, 1.0], abs=2e-3)
 
 
-def test_a_follower_does_not_pass_the_one_it_follows():
-    step, _ = leg(made(avoid_m=0.1), ppm=3.0, heard=[("first", "g 39 740 500 200 1 n7")])
-    assert step == pytest.approx([0.4, 0.0], abs=2e-3)
-
-
 def test_who_is_too_near_is_circled():
     """From 0.8 m to the west of the other one: to the circle of 1.5 m about it, and along it."""
     step, _ = leg(made(), ppm=3.0, heard=[("first", "g 39 780 500 200 1 n7")])
@@ -63,16 +58,6 @@ def test_the_basic_rule_decays_and_its_brightest_stays():
     step, luciferin = leg(agent, ppm=10.0)
     assert luciferin == pytest.approx(0.6 * 5.0 + 0.6 * 10.0)
     assert step == pytest.approx([0.0, 0.0], abs=2e-3)
-
-
-def test_who_is_out_of_sight_is_not_followed_and_sight_stays_in_its_bounds():
-    agent = made(sight_m=3.0, radius_gain_m=2.0, wanted=0)
-    far = [("first", "g 39 700 900 200 1 n7")]
-    assert leg(agent, ppm=3.0, heard=far)[0] == pytest.approx([-1.0, 0.0], abs=2e-3)
-    for i in range(6):
-        near = [("first", f"g {59 + 20 * i} 700 650 200 1 n7"), ("third", f"g {59 + 20 * i} 700 660 200 1 n7")]
-        leg(agent, ppm=3.0, heard=near, tick=60 + 20 * i)
-        assert 0.0 <= agent.radius_m <= 3.0
 
 
 @pytest.mark.slow

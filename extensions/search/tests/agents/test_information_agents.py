@@ -150,3 +150,8 @@ def test_infotaxis_3d_climbs_or_dives_to_a_source_above_or_below(height_m, sign)
     sure_of(agent, (7.2, 5.2, height_m))
     end_m = agent.decide(at(4.0, start_m)).position_world_m
     assert sign * (end_m[2] - start_m[2]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("z_m", [0.5, 7.5])
+def test_infotaxis_3d_keeps_away_from_floor_and_ceiling(z_m):
+    assert all(0.5 <= end[2] <= 7.5 for end in made(Infotaxis3d).neighbours((7.0, 5.0, z_m)))

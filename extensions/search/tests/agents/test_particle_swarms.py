@@ -36,16 +36,6 @@ def test_five_find_the_top_of_a_static_hill_though_texts_get_lost(loss_frac):
     assert swarm.fly(200.0, lambda swarm: swarm.tick % 50 == 0 and math.dist(best_of(swarm).place_m, TOP_M) < 0.5)
 
 
-def test_robots_keep_apart_in_a_crowd():
-    """Five at one place drive each other apart: nobody stays within the distance of repulsion of all others."""
-    around = [(7.0 + 0.3 * math.cos(k), 7.0 + 0.3 * math.sin(k)) for k in range(5)]
-    swarm = ToySwarm(SPso, around, hill(7.0, 7.0), parameters={"declares": False})
-    swarm.fly(12.0)
-    places = np.array([robot.place_m for robot in swarm.robots])
-    gaps = [min(np.hypot(*(a - b)) for j, b in enumerate(places) if j != i) for i, a in enumerate(places)]
-    assert max(gaps) > 0.9
-
-
 def c_pso(name: str, **parameters) -> CPso:
     return CPso(briefing(sensors=(("pid", "nose"),), members=FOUR, name=name, parameters=parameters))
 
@@ -93,15 +83,6 @@ def test_it_begins_again_after_so_many_legs_with_the_same_best():
     restarts = [restarts_told(answer(agent, i, ppm=9.0 if i == 0 else 1.0)) for i in range(8)]
     # The best of the first leg is the same for five legs more; at the sixth all begins again.
     assert restarts == [0.0] * 5 + [1.0] * 3
-
-
-def test_it_spreads_for_so_many_legs():
-    agent = dr_pso(patience=3, spread_legs=2, declares=False)
-    for i in range(4):
-        answer(agent, i, ppm=9.0 if i == 0 else 1.0)
-    assert agent.n_spreading == 1  # the leg of the restart was the first
-    answer(agent, 4, ppm=1.0)
-    assert agent.n_spreading == 0
 
 
 def test_half_of_them_spread_if_asked():

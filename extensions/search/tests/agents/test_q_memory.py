@@ -57,15 +57,6 @@ def test_backtracking_undoes_the_moves_since_the_last_gas():
     assert back[0] == pytest.approx(7.5)
 
 
-def test_long_after_the_last_gas_it_explores():
-    agent = made(parameters={"give_up_s": 20.0})
-    agent.decide(at(40, ppm=1.0))
-    near = agent.decide(at(200)).position_world_m
-    far = agent.decide(at(300)).position_world_m
-    assert math.dist(near, (7.0, 5.0, 2.0)) == pytest.approx(0.5, abs=0.001)
-    assert math.dist(far, (7.0, 5.0, 2.0)) != pytest.approx(0.5, abs=0.01)
-
-
 def test_the_trainers_recoveries_are_those_of_the_agent():
     """What was learned with a recovery is flown with the same one: circling and cast-surge, move by move."""
     from gslcosim_search.reactive.temporal_memory import CastSurge, Circling

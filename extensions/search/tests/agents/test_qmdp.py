@@ -43,6 +43,12 @@ def test_a_sure_source_is_flown_towards_by_qmdp():
     assert math.dist(after_m, flown.places_m[source]) < math.dist(HERE_M[:2], flown.places_m[source])
 
 
+def test_a_move_that_was_refused_is_not_tried_again_from_there():
+    flown = agent(parameters={"stuck_visits": 0})
+    commands = [flown.decide(seen(tick=tick, notice="in an obstacle" if tick else None)) for tick in range(4)]
+    assert len({tuple(step_of(command)) for command in commands}) == 4
+
+
 def test_circles_are_left_straight_on_after_the_third_visit():
     flown = agent(parameters={"stuck_visits": 3, "escape_legs": 2})
     steps = [step_of(flown.decide(seen(tick=tick))) for tick in range(5)]

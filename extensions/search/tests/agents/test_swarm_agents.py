@@ -68,14 +68,6 @@ def test_legs_end_inside_the_margin_at_search_height(agent_type, place_m):
             assert z_m == 1.3
 
 
-@pytest.mark.parametrize("agent_type", BY_LEGS)
-def test_legs_are_no_longer_than_asked(agent_type):
-    place_m = (7.0, 5.0, 2.0)
-    for command in flight(made(agent_type, parameters={"leg_m": 0.7})):
-        assert math.dist(command.position_world_m[:2], place_m[:2]) <= 0.7 + 2e-3
-        place_m = command.position_world_m
-
-
 @pytest.mark.parametrize("agent_type", ALL)
 @pytest.mark.parametrize(
     "changes",

@@ -64,14 +64,6 @@ def test_after_refusals_it_rests_at_bends_then_flies_them_one_by_one_and_leaves_
     assert agent.decide(seen).position_world_m == places_m[1]
 
 
-def test_each_height_is_swept():
-    command = sweep(heights_m=(1.0, 3.0), speed_m_s=0).decide(observation(position_m=START_M))
-    heights_m = [z_m for _, _, z_m in bends_m(command)]
-    assert heights_m == [1.0] * 12 + [3.0] * 12
-    low_m, high_m = bends_m(command)[11], bends_m(command)[12]
-    assert low_m[:2] == high_m[:2]
-
-
 def test_known_solids_are_left_out():
     known = open_map(walls=[(0.0, 0.0, 2.0, 2.0)])
     command = Sweep(briefing(known_map=known)).decide(observation(position_m=START_M))

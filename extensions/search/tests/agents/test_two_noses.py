@@ -54,15 +54,6 @@ def test_without_gas_for_long_it_explores_looking_where_it_flies():
     assert command.yaw_rad == pytest.approx(math.atan2(y_m - 5.0, x_m - 7.0))
 
 
-def test_a_number_of_readings_alone_declares_nothing():
-    """The stop rule of the original fires after some readings of any gas; this one does not."""
-    agent = made(parameters={"leash_legs": 0, "declares": True})
-    commands = [
-        agent.decide(at(40 + 20 * i, left=1.0, right=1.0, place_m=(3.0 + 0.3 * i, 5.0, 2.0))) for i in range(35)
-    ]
-    assert all(command.kind != "declare_source" for command in commands)
-
-
 def test_one_nose_is_too_few():
     with pytest.raises(MethodError, match="at least 2"):
         made(sensors=PAIR[:1])

@@ -249,9 +249,7 @@ def test_the_share_that_is_stuck_tells_greedy_from_infotaxis():
 @pytest.mark.parametrize(
     ("world", "name", "row"),
     [
-        (L1, "infotaxis", (13.6, 0.4, 0.005, 500)),
-        (L1, "space_aware", (13.2, 0.5, 0.0, 500)),
-        (L1, "greedy", (15.4, 0.6, 0.10, 500)),
+        *[(L1, name, row) for name, row in SMALL_GRID.items()],
         (L2, "infotaxis", (24.6, 1.1, 0.0, 400)),
         (L2, "space_aware", (25.9, 1.4, 0.0, 400)),
     ],

@@ -102,14 +102,8 @@ def test_a_traced_place_comes_before_the_step_upwind():
     assert command.position_world_m == pytest.approx((6.3, 5.4, 2.0), abs=0.02)
 
 
-def test_in_calm_air_a_surge_follows_the_last_wind():
-    made = search()
-    warmed(made, ppm=2.0)
-    assert made.upwind_rad() == pytest.approx(math.pi, abs=1e-6)
-    for tick in range(31, 80):
-        made.observe(seen(tick, ppm=2.0, wind=(0.0, 0.3)))
-    assert abs(made.upwind_rad()) == pytest.approx(math.pi, abs=1e-6)
-    assert made.recent_wind_m_s() == pytest.approx((0.0, 0.0))
+def test_before_any_wind_there_is_no_surge():
+    assert search().surge_m(seen(1)) is None
 
 
 @pytest.mark.parametrize("planner", ["maximum", "information", "moth"])
@@ -160,12 +154,6 @@ def test_a_place_that_was_searched_for_long_is_rejected():
         made.decide(seen(40 + 20 * i))
     made.observe(seen(200))
     assert made.rejected_m == [pytest.approx((7.0, 5.0))]
-
-
-def test_a_belief_that_has_drawn_together_is_an_estimate():
-    made = search()
-    assert BeliefAgent.estimate(made, seen(40)) is None
-    assert BeliefAgent.estimate(peak(made, (3.25, 5.25)), seen(40)).position_m == pytest.approx((3.25, 5.25))
 
 
 def test_nothing_is_found_before_the_wind_is_known():

@@ -77,12 +77,6 @@ def test_hops_have_the_mean_and_the_variance_of_the_parcel(shift, variance):
     assert ahead + back - shift**2 == pytest.approx(variance)
 
 
-def test_a_variance_that_three_cells_cannot_have_is_raised_to_the_least_they_can():
-    back, stay, ahead = axis_chances(0.3, 0.0)
-    assert back == pytest.approx(0.0)
-    assert (stay, ahead) == pytest.approx((0.7, 0.3))
-
-
 @pytest.mark.parametrize(
     ("fastest", "cell", "spread"), [(0.0, 0.5, 0.2), (1.0, 0.5, 0.2), (3.0, 0.2, 0.5), (0.1, 1.0, 3.0)]
 )

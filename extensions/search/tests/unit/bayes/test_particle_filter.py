@@ -73,15 +73,6 @@ def test_many_particles_are_the_map(n, bound):
     assert 0.5 * np.abs(particles.probability(grid) - exact_map(grid)).sum() < bound
 
 
-def test_resampling_between_findings_keeps_the_map():
-    grid, particles = CellGrid((0.0, 0.0), 0.5, (12, 8)), cloud(100_000, seed=4)
-    for sensor_m, is_hit in FINDINGS:
-        update_particles(particles, sensor_m, TRAVELLED_M, VARIANCE_M2, is_hit=is_hit)
-        particles.resample(jitter_m=0.0)
-    assert particles.n_effective() == pytest.approx(100_000)
-    assert 0.5 * np.abs(particles.probability(grid) - exact_map(grid)).sum() < 0.04
-
-
 def test_particles_are_born_upwind_of_the_first_detection():
     particles = cloud(4000, scattered=False)
     assert not particles.is_born

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim_search.fixed_sensors.events import DetectionSettings, detect_events, find_excess, running_percentile
+from gslcosim_search.fixed_sensors.events import DetectionSettings, detect_events, find_excess
 from gslcosim_search.fixed_sensors.leak_location import (
     locate_among,
     locate_in_plane,
@@ -78,14 +78,6 @@ def test_quiet_times_within_the_gap_join_an_event():
     readings[[200, 201, 202, 250, 251, 252, 400, 401, 402]] = 9.0
     events = detect_events(clock_s, find_excess(clock_s, readings))
     assert [(event.first, event.last) for event in events] == [(200, 252), (400, 402)]
-
-
-def test_a_running_percentile_follows_the_clock_and_not_the_rows():
-    clock_s = np.concatenate([np.arange(0, 3600, 60), 90_000 + np.arange(0, 3600, 60)]).astype(float)
-    readings = np.where(clock_s < 80_000, 1.0, 5.0)[:, None]
-    low = running_percentile(clock_s, readings, half_s=7200.0, percentile=10.0)[:, 0]
-    assert set(low[:60]) == {1.0}
-    assert set(low[60:]) == {5.0}
 
 
 def test_no_gas_has_no_correlation_and_no_rate():

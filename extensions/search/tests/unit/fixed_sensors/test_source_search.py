@@ -68,20 +68,6 @@ def test_errors_of_the_wind_bend_a_regression_and_not_the_ratio_of_means():
     assert rate[0] == pytest.approx(RATE_M3_S, rel=0.05)
 
 
-def test_rows_that_count_not_at_all_change_nothing():
-    rng = np.random.default_rng(7)
-    wind, readings, group = made_up(rng)
-    prior = BackgroundPrior(2.0, 0.2)
-    response = response_at(TRUE_M, wind)
-    half = (np.arange(120) % 2).astype(np.float64)
-    spoiled = readings + 9.0 * (1.0 - half[:, None])
-
-    def fit(values):
-        return fit_terms(response, values, group, prior, reading_error_ppm=ERROR_PPM, weight=half)
-
-    assert fit(readings).rate_m3_s == pytest.approx(fit(spoiled).rate_m3_s)
-
-
 def test_a_search_refines_to_the_top():
     found = search_place(lambda p: -((p[0] - 13.3) ** 2) - (p[1] - 4.1) ** 2, (0, 0), (20, 20), coarse_m=4, fine_m=0.25)
     assert found == (13.25, 4.0)

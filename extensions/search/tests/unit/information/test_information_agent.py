@@ -80,11 +80,6 @@ def test_a_model_that_is_wrong_again_and_again_is_trusted_less():
     assert entropy_bits(watched.p) > entropy_bits(blind.p) + 0.5
 
 
-def test_it_stays_only_where_it_may():
-    assert len(searcher().neighbours((7.0, 5.0))) == 4
-    assert searcher(may_stay=True).neighbours((7.0, 5.0))[0] == (7.0, 5.0)
-
-
 def test_a_refused_end_is_not_offered_again():
     search = searcher()
     first = smell(search, (7.0, 5.0, 2.0), 0.0).position_world_m
@@ -115,10 +110,6 @@ def test_in_space_it_also_goes_up_and_down():
     heights = {end[2] for end in search.neighbours((7.0, 5.0, 2.0))}
     assert heights == {1.0, 2.0, 3.0}
     assert search.p.shape == (15, 10, 8)
-
-
-def test_a_step_spans_a_square_of_cells():
-    assert searcher(step_m=1.5).build_context((7.0, 5.0)).cells_per_step == pytest.approx(9.0)
 
 
 def test_a_tree_surveys_each_place_once():

@@ -97,20 +97,6 @@ def test_the_chance_to_find_the_source_is_the_mass_within_reach():
                                                           ((2, 2), (3, 2), (1, 2), (2, 3), (2, 1))])  # fmt: skip
 
 
-def test_smaller_cells_take_their_share_from_the_entropy_in_steps():
-    predictions = predict_stops(belief(), candidates())
-    coarse = space_aware_cost(predictions, step_m=1.0)
-    assert (space_aware_cost(predictions, step_m=1.0, cells_per_step=4.0) < coarse).all()
-
-
-def test_an_impossible_outcome_adds_nothing():
-    p, stops = belief(), candidates(n_outcomes=2)
-    stops.likelihood[:, 1], stops.weight[:, 1], stops.log_weight[:, 1] = 0.0, 0.0, 0.0
-    predictions = predict_stops(p, stops)
-    assert np.isfinite(infotaxis_cost(predictions)).all()
-    assert predictions.entropy_bits[:, 1] == pytest.approx(0.0)
-
-
 def test_a_belief_after_an_outcome_is_bayes_rule_and_ruled_out_cells_stay_so():
     p, stops = belief(), candidates(reach_m=0.0)
     assert update_belief(p, stops.log_weight[0, 1]) == pytest.approx(by_hand(p, stops)[0][1][1])

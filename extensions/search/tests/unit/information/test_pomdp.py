@@ -8,7 +8,6 @@ from pomdp_planning import (
     find_successors,
     improve_by_perseus,
     predict_belief,
-    sample_beliefs,
     solve_by_value_iteration,
     update_belief,
 )
@@ -77,13 +76,7 @@ def test_a_growl_moves_the_belief_as_bayes_says_and_opening_ends_it():
 
 
 def test_three_backups_of_the_tiger_are_those_done_by_hand():
-    """Without discount: one step, two, and three from not knowing; and after one growl.
-
-    With one step left listening loses 1. With two, one growl does not suffice to open: 0.85 * 10 - 0.15 * 100 = -6.5.
-    With three, two equal growls come with 0.85^2 + 0.15^2 = 0.745 and leave 0.7225 / 0.745 = 0.9698: opening is then
-    worth 10 - 110 * 0.0302 = 6.678; two unequal ones leave listening, -1. From not knowing that is
-    -2 + 0.745 * 6.678 - 0.255 = 2.72.
-    """
+    """Two equal growls come with 0.85^2 + 0.15^2 = 0.745: worth opening, unlike two unequal ones."""
     problem = tiger()
     beliefs = np.array([[0.5, 0.5, 0.0], [0.85, 0.15, 0.0], [0.15, 0.85, 0.0],
                         [0.7225 / 0.745, 0.0225 / 0.745, 0.0], [0.0225 / 0.745, 0.7225 / 0.745, 0.0]])  # fmt: skip
@@ -115,15 +108,6 @@ def test_stages_of_perseus_never_lower_a_value_and_stay_below_what_a_seeing_sear
     assert actions[int(np.argmax(sure))] == OPEN_LEFT
     assert actions[int(np.argmax(even))] == LISTEN
     assert sure.max() == pytest.approx(10.0)
-
-
-def test_beliefs_that_a_searcher_meets_are_distributions_over_places_where_it_goes_on():
-    problem, rng = corridor(6), np.random.default_rng(4)
-    q = solve_by_value_iteration(problem)
-    met = sample_beliefs(problem, lambda _: np.array([0.2] * 5 + [0.0]), q, rng, n_beliefs=50, n_steps=8)
-    assert met.shape == (50, 6)
-    assert met.sum(axis=1) == pytest.approx(np.ones(50))
-    assert not met[:, -1].any()
 
 
 GRID = OffsetGrid(first_m=(-2.0, -3.0), cell_m=1.0, shape=(6, 7))
@@ -193,12 +177,6 @@ def test_a_linear_table_is_looked_up_without_error_and_held_beyond_its_edge():
     linear = (GRID.centres_m() @ [2.0, -1.0] + 3.0)[None]
     assert GRID.looked_up(linear, np.array([[0.25, 1.4]]))[0] == pytest.approx([2.0 * 0.25 - 1.4 + 3.0])
     assert GRID.looked_up(linear, np.array([[99.0, 1.4]]))[0] == pytest.approx([2.0 * 3.0 - 1.4 + 3.0])
-
-
-def test_levels_of_an_offset_are_a_distribution():
-    places = np.random.default_rng(3).uniform(-9.0, 9.0, size=(30, 2))
-    assert sum(table().likelihood(level, places) for level in (0, 1)) == pytest.approx(np.ones(30))
-    assert [table().level_of(ppm) for ppm in (0.0, 0.5, 0.6)] == [0, 0, 1]
 
 
 def test_a_power_below_one_takes_an_observation_for_less_and_an_impossible_one_for_nothing():

@@ -128,21 +128,3 @@ def test_a_hit_in_calm_air_is_where_the_last_hit_was():
     gsl.update(centre((15, 15)), is_hit=True, downwind_rad=None)
     assert gsl.last_hit_m == pytest.approx(centre((15, 15)))
     assert gsl.p.max() == pytest.approx(gsl.p.min())
-
-
-def test_candidates_that_are_equally_likely_lie_all_over_the_plan():
-    gsl = method(open_room(), reach_cells=60.0, candidates=60)
-    gsl.visit(centre((15, 15)))
-    i, j = np.array(gsl.candidates()).T
-    assert len(i) == 60
-    assert min(i.min(), j.min()) <= 2
-    assert max(i.max(), j.max()) >= 28
-
-
-def test_the_least_explored_place_is_far_from_all_that_were_visited():
-    gsl = method(open_room(), reach_cells=5.0)
-    gsl.visit(centre((15, 15)))
-    gsl.visit(centre((20, 15)))
-    cell = gsl.least_explored(centre((20, 15)))
-    assert min(math.dist(cell, visited) for visited in ((15, 15), (20, 15))) >= 4.5
-    assert math.dist(cell, (20, 15)) <= 5.0

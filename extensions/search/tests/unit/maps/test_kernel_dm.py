@@ -81,13 +81,6 @@ def test_the_maps_are_those_of_the_definition(grid, widths):
     assert maps.confidence == pytest.approx(confidence, abs=1e-9)
 
 
-def test_one_reading_makes_a_map_of_that_reading_without_variance():
-    maps = mapped(readings(1))
-    assert maps.mean == pytest.approx(readings(1)[0][1])
-    assert maps.variance == pytest.approx(0.0, abs=1e-12)
-    assert maps.peak() is None
-
-
 def test_the_oldest_readings_are_dropped_where_there_are_too_many():
     gas = KernelMap(PLANE, max_readings=5)
     for place_m, value, time_s, _ in readings(12):

@@ -57,12 +57,6 @@ def test_a_hit_reaches_farther_along_the_wind_than_across():
         assert pmfs.hit_probability[cell] == pytest.approx(0.3 + 0.3 * weight, rel=1e-6)
 
 
-def test_many_hits_do_not_leave_the_bounds_of_probability():
-    pmfs = method(open_room())
-    pmfs.update(centre((15, 15)), [True] * 1000, CALM)
-    assert pmfs.hit_probability.max() == pytest.approx(0.999)
-
-
 def test_behind_a_wall_the_hit_map_is_as_it_was_except_around_its_end():
     """A hit just in front of the wall, three cells from its end."""
     pmfs = method(room_with_wall(), kernel_cells=2.5)
@@ -115,19 +109,6 @@ def test_gas_downwind_and_clean_air_beside_put_the_source_between():
     pmfs.score(wind_m_s)
     assert pmfs.p.sum() == pytest.approx(1.0)
     assert mass_within(pmfs.p, pmfs.grid, centre((11, 15)), 1.0) > 0.9
-
-
-def test_a_hit_in_front_of_a_wall_speaks_against_sources_behind_it():
-    """Wind to the north on both sides of a wall across the whole room but its end: no air passes it."""
-    free = open_room()
-    free[13, :28] = False
-    pmfs = method(free)
-    pmfs.update(centre((16, 15)), [True] * 4, (0.0, 0.3))
-    wind_m_s = np.where(free[..., None], np.array([0.0, 0.3]), 0.0)
-    pmfs.score(wind_m_s)
-    behind, before = pmfs.p[:13, :15], pmfs.p[14:19, :15]
-    assert behind.mean() < 0.2 * before.mean()
-    assert behind.max() == pytest.approx(behind.min(), rel=0.05)  # and says nothing else about them
 
 
 def test_goals_are_in_sight_in_reach_and_new():

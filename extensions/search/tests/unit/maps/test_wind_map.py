@@ -105,10 +105,6 @@ def test_earlier_readings_are_forgotten_by_their_share():
     assert winds.wind_m_s()[2, 2, 0] == pytest.approx(1.0 / 3.0, rel=1e-3)
 
 
-def test_without_a_reading_there_is_no_wind():
-    assert (wind_map(room_with_wall(), {}).wind_m_s() == 0.0).all()
-
-
 def test_without_a_free_cell_readings_are_ignored():
     winds = wind_map(np.zeros((4, 4), bool), {(1, 1): (1.0, 0.0)})
     assert (winds.wind_m_s() == 0.0).all()

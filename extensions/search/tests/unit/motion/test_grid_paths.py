@@ -63,37 +63,12 @@ def test_paths_are_as_short_as_those_of_a_library(shape, accuracy, seed):
     assert field.length_m == pytest.approx(lengths_by_scipy(free), rel=accuracy)
 
 
-def test_every_cell_stands_after_the_one_before_it_and_one_step_away():
-    free = random_cells((17, 12), 3)
-    field = path_field_from(free, 1.0, (0, 0))
-    place = {int(cell): rank for rank, cell in enumerate(field.order)}
-    assert len(place) == np.isfinite(field.length_m).sum()
-    assert field.order[0] == field.before[0] == 0
-    for cell in field.order[1:]:
-        before = field.before[cell]
-        assert place[int(before)] < place[int(cell)]
-        step = np.subtract(np.unravel_index(cell, free.shape), np.unravel_index(before, free.shape))
-        assert field.length_m.flat[cell] - field.length_m.flat[before] == pytest.approx(np.linalg.norm(step), rel=1e-5)
-
-
 def test_a_closed_room_is_not_reached():
     free = np.ones((9, 9), bool)
     free[4, :] = False
     is_reached = reachable_cells(free, grid_of(free), (0.2, 0.2))
     assert is_reached[:4].all()
     assert not is_reached[4:].any()
-
-
-def test_a_gap_between_two_corners_is_no_way():
-    free = np.eye(2, dtype=bool)
-    assert not path_field_from(free, 1.0, (0, 0)).is_reached[1, 1]
-    assert not is_visible(free, grid_of(free, 1.0), (0.5, 0.5), (1.5, 1.5))
-
-
-def test_a_way_in_plain_sight_is_straight():
-    free = np.ones((20, 20), bool)
-    path_m = shortest_path(free, grid_of(free), (1.1, 1.3), (8.7, 4.2))
-    assert path_m == pytest.approx(np.array([(1.1, 1.3), (8.7, 4.2)]))
 
 
 def test_a_way_leads_round_the_end_of_a_wall_and_stays_in_free_cells():

@@ -95,13 +95,6 @@ def test_a_refused_or_missed_goal_is_reported():
     assert not on_map.is_under_way(seen(1, position_m=(8.0, 2.0, 2.0)))
 
 
-def test_a_goal_next_to_the_vehicle_is_missed_too_when_it_was_refused():
-    on_map = flights()
-    on_map.go_to((2.4, 2.0))
-    on_map.leg(seen(0))
-    assert on_map.was_missed(seen(1, notice="expected a free place"))
-
-
 def test_who_stays_has_no_goal_and_holds_at_search_height():
     on_map = flights()
     on_map.go_to((8.0, 2.0))
@@ -137,15 +130,6 @@ def test_a_stop_shows_each_finding_and_the_wind():
     assert math.cos(stop.downwind_rad(0.1)) == pytest.approx(1.0)
     assert stop.downwind_rad(0.6) is None
     assert watch.stop(seen(21)).is_hit is None  # nothing new was found
-
-
-def test_what_was_found_on_the_way_does_not_belong_to_the_stop():
-    watch = StopRecorder(room_briefing(), threshold_ppm=0.1, every_s=0.5)
-    for tick in range(10):
-        watch.add(seen(tick, position_m=(9.0, 2.0, 2.0), ppm=5.0))
-    for tick in range(10, 21):
-        watch.add(seen(tick))
-    assert watch.stop(seen(21)).is_hit is False
 
 
 def test_without_a_map_the_way_is_straight():
@@ -184,11 +168,3 @@ def test_where_no_way_leads_it_is_straight():
     paths = KnownPaths(briefing(known_map=closed), clearance_m=0.3)
     assert paths.to_m(FROM_M, GOAL_M, margin_m=0.0) == (GOAL_M,)
     assert paths.to_m(FROM_M, GOAL_M, margin_m=None) == ((12.0, 2.0, 2.0),)
-
-
-@pytest.mark.parametrize("margin_m", [0.0, None])
-def test_a_free_way_on_a_map_is_straight_too(margin_m):
-    path_m = KnownPaths(briefing(known_map=open_map()), clearance_m=0.3).to_m(
-        FROM_M, (12.0, 2.0, 2.0), margin_m=margin_m
-    )
-    assert path_m == ((12.0, 2.0, 2.0),)

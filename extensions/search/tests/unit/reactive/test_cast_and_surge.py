@@ -9,7 +9,6 @@ from gslcosim_search.reactive.cast_and_surge import (
     CastSequence,
     PlaneCastSequence,
     cast_length_m,
-    cast_offset_m,
     find_side,
     oblique_surge_end_m,
     side_or_random,
@@ -40,11 +39,6 @@ def test_legs_of_a_cast_grow_as_they_are_called(growth):
     turns = [cast().anchor_m, *turns_of(cast(growth=growth))]
     flown_m = [math.dist(a, b) for a, b in itertools.pairwise(turns)]
     assert flown_m == pytest.approx([WIDTH_M * times for times in GROWTHS[growth]])
-
-
-def test_a_growing_cast_turns_as_far_out_on_either_side_before_it_goes_farther():
-    assert [cast_offset_m(1.0, n, "growing") for n in range(6)] == [1, -1, 2, -2, 3, -3]
-    assert [cast_offset_m(1.0, n, "fixed") for n in range(4)] == [1, -1, 1, -1]
 
 
 @pytest.mark.parametrize("upwind_rad", [0.0, 0.3, 2.0, -3.0])
@@ -110,11 +104,6 @@ def test_hits_close_together_are_no_blank():
     assert blanks.blank_s(5.2) == pytest.approx(1.0)
 
 
-def test_before_the_first_gas_the_plume_counts_as_lost():
-    assert memory().is_lost(0.0)
-    assert memory().blank_s(3.0) == math.inf
-
-
 def in_wind_frame(place_m, upwind_rad):
     dx_m, dy_m = place_m[0] - HERE_M[0], place_m[1] - HERE_M[1]
     c, s = math.cos(upwind_rad), math.sin(upwind_rad)
@@ -139,8 +128,3 @@ def test_a_slanted_leg_has_its_length_and_its_angle_to_upwind(slant_rad):
     along_m, across_m = in_wind_frame(oblique_surge_end_m(HERE_M, None, 0.7, slant_rad, 0.8), 0.7)
     assert math.hypot(along_m, across_m) == pytest.approx(0.8)
     assert math.atan2(across_m, along_m) == pytest.approx(slant_rad)
-
-
-def test_a_leg_without_slant_is_a_surge():
-    gas_m = (3.4, 3.1, 2.0)
-    assert oblique_surge_end_m(HERE_M, gas_m, 0.7, 0.0, 0.8) == surge_end_m(HERE_M, gas_m, 0.7, 0.8)

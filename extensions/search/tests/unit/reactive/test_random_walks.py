@@ -24,11 +24,6 @@ def test_a_run_keeps_its_direction_and_a_tumble_does_not():
     assert again == drawn
 
 
-def test_the_first_direction_is_drawn_even_where_it_was_to_be_kept():
-    (heading_rad,) = directions(RunAndTumble(ROOM, RandomStream(4), leg_m=1.0), [True])
-    assert math.remainder(heading_rad - RandomStream(4).angle_rad(), math.tau) == pytest.approx(0.0, abs=0.002)
-
-
 def test_a_run_that_meets_a_wall_draws_and_keeps_what_was_drawn():
     walk = RunAndTumble(ROOM, RandomStream(2), leg_m=1.0)
     directions(walk, [False])

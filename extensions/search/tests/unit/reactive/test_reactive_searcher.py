@@ -34,12 +34,6 @@ def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding")
     return observation(tick=tick, position_m=place_m, readings=readings, notice=notice, status=status)
 
 
-def test_a_step_follows_from_the_contact_at_the_stop():
-    flown = searcher()
-    assert flown.decide(at(10, ppm=1.0)).kind == "hold"
-    assert flown.contact.has_gas
-
-
 def test_holds_are_those_of_the_settings():
     flown = searcher(hold_s=1.5)
     assert flown.fly_to(at(10), (8.0, 5.0)).hold_s == 1.5
@@ -100,22 +94,11 @@ def test_it_declares_where_the_gas_ends_upwind_once():
     assert declared[0].declaration.confidence == pytest.approx(0.75)
 
 
-def test_it_declares_nothing_where_it_is_set_not_to_or_where_there_is_no_gas():
-    assert legs_around_the_source(searcher(leash_legs=0, declares=False)) == []
-    flown = searcher(leash_legs=0)
-    assert all(flown.decide(at(10 + i)).kind == "hold" for i in range(40))
-
-
 def detections(places, *, n=3, spread_m=1.0, upwind_rad=WEST_RAD):
     found = LossPoints(n=n, spread_m=spread_m)
     for place in places:
         found.add(place, upwind_rad)
     return found
-
-
-def test_only_the_places_farthest_upwind_are_kept():
-    found = detections([(9.0, 5.0, 2.0), (4.0, 5.0, 2.0), (2.0, 5.0, 2.0), (6.0, 5.0, 2.0), (3.0, 5.0, 2.0)])
-    assert [place[0] for place in found.places_m] == [2.0, 3.0, 4.0]
 
 
 def test_the_source_is_declared_farthest_upwind_once_the_places_draw_together():

@@ -3,17 +3,8 @@ import math
 import pytest
 from briefings import observation
 
-from gslcosim_search.reactive.silkmoth import Sidestep, TrueWind, heading_after, phase_at
+from gslcosim_search.reactive.silkmoth import Sidestep, TrueWind
 from gslcosim_search.senses.instruments import Vane
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_the_turns_leave_the_moth_as_far_towards_the_whiff_as_the_last_turn(side):
-    """Turn 1 and turn 2 are equally long and undo each other: what stays is the surge's and turn 3's."""
-    heading_rad = 0.0
-    for i in range(21):
-        heading_rad = heading_after(heading_rad, side, phase_at(0.1 * i), 0.1)
-    assert heading_rad == pytest.approx(side * (0.5 * 0.062 + 0.2 * 1.3))
 
 
 def seen(tick, apparent_m_s, velocity_m_s=(0.0, 0.0, 0.0), warming=()):
@@ -58,13 +49,3 @@ def test_it_turns_until_the_way_is_free_and_keeps_the_turn():
         step.note(time_s, is_refused=is_refused)
         turns.append(step.turn_rad / (math.pi / 4))
     assert turns == pytest.approx([0, 1, 2, 2, 2, 0])
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_from_a_corner_every_direction_is_tried_within_eight_refusals(side):
-    step = Sidestep(side=side, keep_s=1.0)
-    tried = set()
-    for i in range(8):
-        step.note(2.0 * i, is_refused=True)
-        tried.add(round(math.degrees(step.turn_rad)) % 360)
-    assert tried == set(range(0, 360, 45))

@@ -14,7 +14,6 @@ from gslcosim_search.senses.stop_and_measure import (
     PlumeContactDetector,
     StopAndMeasure,
     TrustedWind,
-    circular_mean_rad,
     local_maxima,
     mean_wind,
     proximity_index,
@@ -88,11 +87,6 @@ def test_directions_are_averaged_on_the_circle_and_speeds_apart():
     assert wind.steadiness_frac == pytest.approx(math.cos(0.1))
 
 
-def test_opposite_directions_do_not_agree():
-    assert circular_mean_rad([0.3, 0.3 + math.pi])[1] == pytest.approx(0.0, abs=1e-15)
-    assert circular_mean_rad([]) == (0.0, 0.0)
-
-
 def test_calm_air_leaves_the_last_direction_that_was_trusted():
     trusted = TrustedWind(threshold_m_s=0.1, least_steadiness_frac=0.5)
     assert trusted.add(MeasuredWind(speed_m_s=0.05, upwind_rad=1.0)) is None
@@ -151,15 +145,6 @@ def test_gas_on_the_way_is_known_at_the_next_question_with_its_place():
     assert contact.since_hit_s == pytest.approx(0.5)
 
 
-def test_gas_counts_for_one_question_and_its_place_is_kept():
-    plume = watch()
-    plume.contact(seen(1, 1.0))
-    later = plume.contact(seen(2, 0.0, x_m=7.0))
-    assert not later.has_gas
-    assert later.gas_m is None
-    assert later.last_m == (5.0, 5.0, 2.0)
-
-
 def test_the_same_tick_counts_once():
     plume = watch()
     plume.add(seen(1, 1.0))
@@ -188,11 +173,6 @@ def test_a_direction_is_trusted_only_with_wind_and_kept_in_calm_air():
     again = plume.contact(seen(4, 0.0, vane=(0.0, 2.5), status="holding"))
     assert again.is_calm
     assert again.upwind_rad == windy.upwind_rad
-
-
-def test_without_an_anemometer_there_is_no_wind():
-    plume = PlumeContactDetector(briefing(sensors=(("pid", "nose"),)), threshold_ppm=0.1, threshold_m_s=0.1)
-    assert plume.contact(observation(readings={"nose": 1.0})).upwind_rad is None
 
 
 def test_a_broken_sensor_gives_no_infinite_amount():
@@ -233,13 +213,6 @@ def test_bursts_count_more_than_the_same_gas_without():
     assert proximity_index(bursts, 0.1) == pytest.approx(0.5 + 0.1 * 18.0)
 
 
-@pytest.mark.parametrize("factor", [0.0, 0.5, 7.0])
-def test_the_index_is_in_proportion_to_the_gas(factor):
-    samples = [0.3, 1.0, 0.2, 0.8, 0.1]
-    scaled = [factor * sample for sample in samples]
-    assert proximity_index(scaled, 0.1) == pytest.approx(factor * proximity_index(samples, 0.1))
-
-
 def test_the_best_is_halved_after_more_than_three_misses_in_a_row():
     best = BestProximity(n_misses=3)
     assert best.is_better(8.0)
@@ -248,17 +221,3 @@ def test_the_best_is_halved_after_more_than_three_misses_in_a_row():
     assert not best.is_better(1.0)
     assert best.best == 4.0
     assert best.is_better(5.0)
-
-
-def test_a_better_stop_forgets_the_misses():
-    best = BestProximity(n_misses=1)
-    best.is_better(8.0)
-    best.is_better(1.0)
-    best.is_better(9.0)
-    best.is_better(1.0)
-    assert best.best == 9.0
-
-
-def test_without_gas_no_stop_is_better():
-    best = BestProximity()
-    assert not any(best.is_better(0.0) for _ in range(20))

@@ -143,13 +143,6 @@ def test_a_foot_that_is_hidden_or_cut_off_shows_no_place():
     assert seen_objects(picture(below), VIEW) == []
 
 
-def test_what_stands_too_far_away_is_not_believed():
-    pixels = plain(160, 120)
-    drawn_box(pixels, picture(pixels), VIEW, (ahead(VIEW, 5.0, 0.6), ahead(VIEW, 5.0, -0.6)), 1.5, BLUE)
-    assert len(seen_objects(picture(pixels), VIEW, farthest_m=6.0)) == 1
-    assert seen_objects(picture(pixels), VIEW, farthest_m=4.0) == []
-
-
 def test_depths_are_no_colours():
     with pytest.raises(ValueError, match="depths"):
         decode_pixels(picture(plain(), encoding="depth_png"))

@@ -45,10 +45,6 @@ def test_a_silence_leaves_the_wind_as_it_was_and_warming_instruments_are_not_bel
     assert record.winds_m_s() == pytest.approx(np.tile([[0.5, 0.0]], (20, 1)))
 
 
-def test_a_field_without_measurements_is_calm():
-    assert np.abs(WindField(GRID, reach_m=1.0).winds_m_s()).max() == 0.0
-
-
 def test_a_field_is_the_kernel_average_of_its_definition():
     field = WindField(GRID, reach_m=0.8, mean_weight=0.1)
     met = {(1.2, -1.9): [(0.4, 0.0)], (3.3, -0.2): [(0.0, 0.3), (0.0, 0.5)]}

@@ -14,12 +14,10 @@ from gslcosim_search.swarms.formations import (
     FormationAgent,
     PlumeMemory,
     centre_m,
-    diagonal_line,
     find_lane_point,
     find_next_lane_point,
     fit_plane,
     formation,
-    hexagon,
     in_world,
     inverted_v,
     laplacian_leg_m,
@@ -63,20 +61,11 @@ def test_an_unknown_shape_is_named_with_the_known_ones():
         formation("star", 3, 1.0)
 
 
-def test_a_diagonal_line_has_equal_spacing_along_and_across_the_wind():
-    assert np.diff(diagonal_line(4, 2.0), axis=0) == pytest.approx(2.0)
-
-
 def test_the_first_of_an_inverted_v_is_upwind_of_all_and_the_arms_are_mirrored():
     slots = inverted_v(5, 1.0)
     assert np.all(slots[0, 0] > slots[1:, 0])
     assert slots[1::2, 1] == pytest.approx(-slots[2::2, 1])
     assert slots[1::2, 0] == pytest.approx(slots[2::2, 0])
-
-
-def test_neighbours_in_a_hexagon_are_a_radius_apart():
-    apart = distances(hexagon(0.8)) + 99.0 * np.eye(7)
-    assert apart.min(axis=1) == pytest.approx(0.8)
 
 
 def test_slots_turn_with_the_wind():
@@ -191,11 +180,6 @@ def legs(positions, offsets, dt_s):
     ])  # fmt: skip
 
 
-def test_a_short_leg_is_the_law_times_its_duration():
-    positions, offsets = np.random.default_rng(5).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
-    assert legs(positions, offsets, 1e-6) / 1e-6 == pytest.approx(velocities(positions, offsets, 0.0, 0.5), rel=1e-4)
-
-
 def test_a_long_leg_ends_in_the_formation_and_never_beyond():
     positions, offsets = np.random.default_rng(6).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
     ends = positions + legs(positions, offsets, 30.0)
@@ -264,13 +248,6 @@ def test_the_best_place_of_all_is_known_and_is_forgotten_when_its_gas_is_old():
     assert team.best is None
 
 
-def test_gas_up_to_the_floor_is_none():
-    team = flight()
-    play_round(team, 1.0, ppm=0.1, amount=0.0)
-    assert not team.now.has_gas
-    assert team.best is None
-
-
 def test_the_wind_is_that_of_the_team_and_calm_air_keeps_the_last_direction():
     team = flight()
     play_round(team, 1.0)
@@ -283,14 +260,6 @@ def test_the_wind_is_that_of_the_team_and_calm_air_keeps_the_last_direction():
         team.decide(seen(3.0 * i + 0.2, speed_m_s=0.0))
     assert team.wind.is_calm
     assert team.upwind_rad == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_centre_is_where_the_slots_say():
-    team = flight()
-    offsets = formation("ring", 3, 1.0)
-    play_round(team, 1.0)
-    places = np.array([PLACES_M[name] for name in NAMES])
-    assert team.centre_of(team.now, offsets) == pytest.approx((places - offsets).mean(axis=0))
 
 
 def test_a_step_ends_in_the_room_and_shows_the_reading_again():
@@ -358,10 +327,6 @@ def test_lanes_lie_across_the_wind_and_go_up_it(upwind_rad, axis, sign):
 def test_lanes_turn_before_the_walls_by_their_inset_and_never_beyond_the_middle():
     assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=1.5)[:, 1]) == pytest.approx([2.5, 7.5])
     assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=99.0)[:, 1]) == pytest.approx([5.0])
-
-
-def test_a_room_narrower_than_a_lane_has_one_in_its_middle():
-    assert plan_crosswind_lanes(ROOM, 0.0, 50.0)[:, 0] == pytest.approx([7.5, 7.5])
 
 
 def test_a_step_leads_along_the_lanes_and_from_its_end_to_its_beginning():

@@ -56,12 +56,6 @@ def test_the_radius_grows_with_too_few_neighbours_and_shrinks_with_too_many():
     assert next_radius_m(3.0, 8, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(2.76)
 
 
-def test_in_a_plume_the_glow_is_the_most_of_the_last_seconds_without_decay():
-    glow = OdourGlow(memory_s=5.0, threshold=1.0)
-    series = [(0.0, 0.5), (1.0, 4.0), (2.0, 3.0), (5.9, 0.0), (6.0, 0.0), (6.9, 2.0), (7.0, 0.0), (12.0, 0.0)]
-    assert [glow.add(t, c) for t, c in series] == [0.0, 4.0, 4.0, 4.0, 3.0, 3.0, 2.0, 0.0]
-
-
 def test_the_glow_is_the_brute_force_maximum():
     rng = np.random.default_rng(3)
     glow, samples = OdourGlow(memory_s=2.0, threshold=0.3), []
@@ -69,14 +63,6 @@ def test_the_glow_is_the_brute_force_maximum():
         samples.append((float(t), float(rng.uniform())))
         most = max(c for s, c in samples if s > t - 2.0)
         assert glow.add(*samples[-1]) == (most if most > 0.3 else 0.0)
-
-
-def test_who_is_darkened_glows_no_more():
-    glow = OdourGlow(memory_s=5.0, threshold=1.0)
-    glow.add(0.0, 4.0)
-    glow.darken()
-    assert glow.luciferin == 0.0
-    assert glow.add(1.0, 2.0) == 2.0
 
 
 @pytest.mark.parametrize("side", [1, -1])

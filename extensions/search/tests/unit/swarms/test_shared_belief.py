@@ -51,14 +51,6 @@ FINDINGS = [
 ]
 
 
-def test_without_findings_all_free_cells_are_equally_likely():
-    free = np.ones(GRID.shape, bool)
-    free[3, :] = False
-    p = belief(free).p
-    assert p[free] == pytest.approx(1.0 / free.sum())
-    assert p[~free] == pytest.approx(0.0)
-
-
 def test_the_belief_is_the_same_to_the_bit_in_whatever_order_findings_come():
     first = belief()
     for finding in FINDINGS:
@@ -143,10 +135,6 @@ def test_the_slope_of_a_plane_is_exact_in_the_middle_and_at_the_rim():
     plane = centres @ (1.5, -0.4)
     for point_m in [(3.1, 2.2), (0.0, 0.0), (5.99, 4.99), (-3.0, 50.0)]:
         assert potential_slope(plane, FINE_GRID, point_m) == pytest.approx([1.5, -0.4])
-
-
-def test_a_grid_of_one_cell_has_no_slope():
-    assert potential_slope(np.ones((1, 1)), CellGrid((0.0, 0.0), 1.0, (1, 1)), (0.5, 0.5)) == pytest.approx([0.0, 0.0])
 
 
 def test_the_drift_is_capped_and_keeps_its_direction():

@@ -12,7 +12,6 @@ from gslcosim_search.swarms.sniffy_bug import (
     Bug,
     BugParameters,
     avoidance_direction,
-    beam_direction,
     bracketing_beams,
     find_four_ranges,
     off_line_m,
@@ -54,10 +53,6 @@ def test_a_bearing_lies_between_two_neighbouring_beams(bearing_deg, yaw_deg, bea
     assert bracketing_beams(math.radians(bearing_deg), math.radians(yaw_deg)) == beams
 
 
-def test_beams_turn_with_the_vehicle():
-    assert beam_direction(1, math.radians(90)) == pytest.approx([-1.0, 0.0])
-
-
 def test_left_of_the_line_is_positive():
     assert off_line_m(at(2, 1), at(0, 0), at(5, 0)) == pytest.approx(1.0)
     assert off_line_m(at(2, -3), at(0, 0), at(5, 0)) == pytest.approx(-3.0)
@@ -70,10 +65,6 @@ def test_robots_and_walls_push_and_the_waypoint_pulls():
     assert away == pytest.approx(at(1, 7.5) / math.hypot(1, 7.5))
     # A wall 1 m ahead pushes back by 5 * 0.5.
     assert avoidance_direction(at(0, 0), at(1, 0), (1.0, 9.0, 9.0, 9.0), 0.0, [], MANUAL) == pytest.approx([-1.0, 0.0])
-
-
-def test_forces_that_balance_are_no_direction():
-    assert avoidance_direction(at(0, 0), at(0, 0), OPEN, 0.0, [], MANUAL).tolist() == [0.0, 0.0]
 
 
 def test_nothing_is_flown_into_what_is_too_near():

@@ -11,7 +11,6 @@ from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.senses.instruments import Nose
 from gslcosim_search.senses.stop_and_measure import Measurement
-from gslcosim_search.swarms.rounds import parse
 from gslcosim_search.swarms.swarm_robot import Explorer, GasScale, Particle
 
 SETTINGS = SimpleNamespace(
@@ -173,12 +172,6 @@ def test_the_step_that_was_flown_is_the_velocity_of_the_next():
     robot.own_best = None
     step = robot.track(taken(robot, seen(6.0)).own_best)
     assert step == pytest.approx([0.2, 0.0], abs=2e-3)
-
-
-def test_the_wind_that_is_reported_is_where_the_air_goes():
-    robot = taken(particle(), seen(wind=(0.4, math.pi / 2)))
-    report = parse(robot.outgoing(seen())[0].text)
-    assert report.wind_m_s == pytest.approx((0.0, -0.4), abs=0.005)
 
 
 def test_who_does_not_send_keeps_a_declaration_for_nearness_back():
