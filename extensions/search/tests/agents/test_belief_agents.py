@@ -9,7 +9,7 @@ from pathlib import Path
 import briefings
 import numpy as np
 import pytest
-from briefings import briefing, observation, open_map
+from briefings import briefing, open_map
 from deadlines import PROCESS_S
 from ribbon_world import Ribbon, fly
 
@@ -25,7 +25,6 @@ SourceMapAgent = load_python_agent(bundled_agents()["source_map"])
 AGENTS = [SourceMapAgent, HiddenMarkov, ParticleFilter, SourceTermEstimation]
 PLUME = Ribbon(ppm=5.0)
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
-WEST = np.pi
 every_agent = pytest.mark.parametrize("agent_type", AGENTS)
 
 
@@ -76,20 +75,6 @@ def test_a_source_is_never_believed_in_a_wall_of_a_granted_map(agent_type):
     belief = next(c.belief for c in reversed(flight.commands) if c.belief is not None)
     grid = CellGrid(belief.origin_m[:2], belief.cell_m, belief.probability.shape)
     assert belief.probability.to_array()[grid.cell_at((8.5, 5.0))] == 0.0
-
-
-def test_particles_are_born_with_the_first_gas_and_forgotten_with_a_wrong_place():
-    agent = ParticleFilter(briefing(sensors=SENSORS))
-    for tick in range(60):
-        agent.observe(observation(tick=tick, readings={"nose": 0.0, "vane": (0.5, WEST)}))
-    assert not agent.cloud.is_born
-    for tick in range(60, 125):
-        agent.observe(observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}))
-    assert agent.cloud.is_born
-    assert agent.cloud.mean_m()[0] < 7.0
-    agent._rejected_m = (7.0, 5.0)
-    agent.observe(observation(tick=126, readings={"nose": 2.0, "vane": (0.5, WEST)}))
-    assert not agent.cloud.is_born
 
 
 @pytest.mark.parametrize("parameters", [{"resampling": "copies"}, {"motion": "mean"}])

@@ -52,11 +52,6 @@ def test_noses_of_two_kinds_have_ranges_of_their_own():
     assert decide(agent, 1e4, 100.0).yaw_rad == pytest.approx(0.0)
 
 
-def test_turns_are_limited_and_add_up():
-    agent = vehicle(most_turn_rad_s=0.2)
-    assert [decide(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_before_a_wall_it_turns_round(seed):
     agent = Braitenberg(briefing(sensors=SENSORS, seed=seed))

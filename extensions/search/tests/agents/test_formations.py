@@ -63,13 +63,6 @@ def test_in_even_gas_the_formation_moves_straight_up_the_wind():
     assert abs(moved[1]) < 0.2 * abs(moved[0])
 
 
-def test_the_formation_widens_in_wide_gas_and_draws_together_on_a_thread():
-    wide = flown(even, 25.0, widen_frac=0.1).vehicles["robot_0"].agent.width
-    thread = flown(lambda _x, y: 5.0 * math.exp(-(((y - 5.0) / 0.25) ** 2)), 30.0, widen_frac=0.1)
-    assert wide > 1.2
-    assert thread.vehicles["robot_0"].agent.width < 1.0
-
-
 def no_gas(_x, _y):
     return 0.0
 

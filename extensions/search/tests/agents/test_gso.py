@@ -47,12 +47,6 @@ def test_who_is_too_near_is_circled():
     assert abs(step[1]) > 0.5
 
 
-def test_the_glow_lasts_for_the_memory_and_not_longer():
-    agent = made(memory_s=5.0)
-    reports = [leg(agent, ppm=ppm, tick=40 + 20 * i)[1] for i, ppm in enumerate((4.0, 1.0, 0.0, 0.0, 0.0))]
-    assert reports == [4.0, 4.0, 4.0, 1.0, 0.0]
-
-
 def test_the_basic_rule_decays_and_its_brightest_stays():
     agent = made(version="basic")
     step, luciferin = leg(agent, ppm=10.0)

@@ -85,15 +85,6 @@ def test_it_begins_again_after_so_many_legs_with_the_same_best():
     assert restarts == [0.0] * 5 + [1.0] * 3
 
 
-def test_half_of_them_spread_if_asked():
-    spreading = []
-    for name in MEMBERS:
-        agent = DrPso(briefing(sensors=(("pid", "nose"),), members=MEMBERS, name=name, parameters={"spreads": "half"}))
-        agent.respond(1)
-        spreading.append(agent.n_spreading > 0)
-    assert spreading == [True, False, True]
-
-
 def test_who_receives_that_another_restarted_does_so_too_and_old_bests_no_longer_count():
     agent = dr_pso(declares=False, fades_s=0)
     answer(agent, 0, ppm=9.0)
@@ -157,12 +148,6 @@ def test_variant_two_flies_shorter_downwind_than_upwind():
     downwind = np.hypot(*steps(pso_wu(variant="II")).T)
     upwind = np.hypot(*steps(pso_wu(variant="II"), wind=(0.5, 0.0)).T)
     assert downwind.mean() < 0.1 * upwind.mean()
-
-
-def test_calm_air_keeps_the_last_wind_that_had_a_direction():
-    agent = pso_wu(variant="I")
-    steps(agent, n=1)
-    assert angles_to_downwind_deg(steps(agent, wind=(0.01, 1.0), start=1)).min() >= 74.8
 
 
 @pytest.mark.parametrize("variant", ["I", "II"])

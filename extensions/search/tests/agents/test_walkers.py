@@ -73,8 +73,3 @@ def share_kept(headings):
 def test_it_keeps_its_heading_with_the_chance_that_it_is_given(persistence):
     error = 3.0 * math.sqrt(persistence * (1.0 - persistence) / 199)
     assert share_kept(headings_rad(persistence=persistence)) == pytest.approx(persistence, abs=error + 1e-9)
-
-
-def test_it_never_turns_with_a_persistence_of_one_but_for_what_is_in_its_way():
-    assert share_kept(headings_rad(persistence=1.0)) == 1.0
-    assert share_kept(headings_rad(persistence=1.0, notice="in an obstacle")) == 0.0

@@ -126,14 +126,6 @@ def test_a_floor_limits_what_one_finding_takes_away_and_impossible_findings_keep
     assert particles.weights() == pytest.approx(np.full(100, 0.01))
 
 
-def test_particles_stay_in_the_room():
-    particles = cloud(500, scattered=False)
-    particles.bear((0.1, 0.1), TRAVELLED_M, VARIANCE_M2)
-    particles.resample(jitter_m=5.0)
-    assert np.all((particles.places_m >= [0.0, 0.0]) & (particles.places_m <= [6.0, 4.0]))
-    assert particles.probability(CellGrid((0.0, 0.0), 0.5, (12, 8))).sum() == pytest.approx(1.0)
-
-
 def test_wander_is_the_winds_own_variance_over_steps_or_at_least_what_eddies_do():
     rng = np.random.default_rng(8)
     winds = rng.normal((0.5, 0.0), (0.3, 0.001), (4000, 2))

@@ -58,12 +58,6 @@ def test_a_corridor_is_worth_the_discount_to_the_power_of_the_steps_still_to_go(
     assert q[:, 4] == pytest.approx([0.0, 0.0])
 
 
-def test_who_sees_the_tiger_opens_the_other_door_at_once():
-    q = solve_by_value_iteration(tiger(discount=0.5))
-    assert q[:, 0] == pytest.approx([-1.0 + 0.5 * 10.0, -100.0, 10.0])
-    assert q[:, 1] == pytest.approx([-1.0 + 0.5 * 10.0, 10.0, -100.0])
-
-
 def test_a_growl_moves_the_belief_as_bayes_says_and_opening_ends_it():
     even = np.array([0.5, 0.5, 0.0])
     after, probability = update_belief(even, tiger(), LISTEN, 0)

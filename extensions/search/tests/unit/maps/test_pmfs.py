@@ -111,16 +111,6 @@ def test_gas_downwind_and_clean_air_beside_put_the_source_between():
     assert mass_within(pmfs.p, pmfs.grid, centre((11, 15)), 1.0) > 0.9
 
 
-def test_goals_are_in_sight_in_reach_and_new():
-    free = room_with_wall()
-    pmfs = method(free, reach_cells=4.0)
-    pmfs.update(centre((14, 5)), [False], CALM)
-    goal = pmfs.next_goal(centre((14, 5)), RandomStream(1))
-    assert goal is not None
-    assert goal[0] >= 14
-    assert 0.0 < math.dist(goal, (14, 5)) <= 4.0
-
-
 def test_the_goal_is_where_believed_sources_disagree():
     """Two lanes of wind; the source is in one of them, and only a place downwind of both starts tells which."""
     free = open_room()

@@ -110,18 +110,6 @@ def test_the_score_is_the_product_over_all_free_cells():
     assert pmfs.p == pytest.approx(np.where(free, expected, 0.0) / expected[free].sum(), rel=1e-9)
 
 
-def test_refined_regions_have_scores_of_their_own():
-    free = np.ones((10, 10), bool)
-    beliefs = []
-    for share in (0.0, 1.0):
-        pmfs = method(free, filaments=FilamentSettings(refine_frac=share, recorded_steps=50, warm_up_steps=50))
-        pmfs.update(centre((6, 5)), [True] * 5, (0.3, 0.0))
-        pmfs.score(even_wind(free, 0.3))
-        beliefs.append(len(np.unique(pmfs.p)))
-    assert beliefs[0] == 4
-    assert beliefs[1] > 50
-
-
 def test_sources_are_scored_at_every_third_stop_after_the_first_ones():
     pmfs = method(np.ones((9, 9), bool), explore_first=6)
     assert [stop for stop in range(1, 14) if pmfs.is_update_due(has_findings=True)] == [6, 9, 12]

@@ -50,13 +50,6 @@ def test_what_was_passed_is_left_out_and_what_is_skipped_too():
     assert squares.n_unseen == n - 2
 
 
-def test_a_place_in_the_corner_of_a_square_does_not_count_for_it():
-    squares = CoverageGrid(ROOM, edge_m=1.5)
-    n = squares.n_unseen
-    squares.note((0.5, 0.5))
-    assert squares.n_unseen == n
-
-
 def test_when_all_is_seen_the_tour_begins_again():
     squares = CoverageGrid(ROOM, edge_m=3.0)
     n = squares.n_unseen

@@ -85,16 +85,6 @@ def test_lines_agree_with_a_dense_sampling():
     assert said == {True, False}
 
 
-def test_a_map_in_space_is_cut_at_the_height_of_the_search():
-    occupied = np.zeros((4, 4, 3), np.uint8)
-    occupied[2, 2, 1] = 1
-    known = KnownMap(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, occupied=NumericArray.from_array(occupied))
-    assert OccupancyMap.of(known, height_m=1.5).is_solid((2.5, 2.5))
-    assert not OccupancyMap.of(known, height_m=0.5).is_solid((2.5, 2.5))
-    assert not OccupancyMap.of(known, height_m=99.0).is_solid((2.5, 2.5))
-    assert OccupancyMap.of(known).is_solid((2.5, 2.5, 1.5))
-
-
 def test_a_clearance_grows_what_is_solid_by_so_much_and_no_more():
     grown = walled(clearance_m=0.5).obstacles
     assert grown.is_solid((1.6, 1.0))
@@ -203,12 +193,6 @@ def test_a_refused_leg_is_led_around():
     x_m, y_m, _ = second.position_world_m
     assert math.degrees(math.atan2(y_m - 5.0, x_m - 7.0)) == pytest.approx(45.0, abs=0.1)
     assert flown.leg(at(7.0, 5.0), (8.0, 5.0)) == first
-
-
-def test_a_leg_into_a_wall_slides_along_it():
-    x_m, y_m, _ = pilot().leg(at(14.0, 5.0), (15.0, 5.0)).position_world_m
-    assert x_m == 14.0
-    assert abs(y_m - 5.0) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("size_m", [(15.0, 10.0, 8.0), (1.0, 1.0, 1.0), (2.1, 15.0, 3.0)])

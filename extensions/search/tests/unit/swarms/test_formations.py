@@ -68,11 +68,6 @@ def test_the_first_of_an_inverted_v_is_upwind_of_all_and_the_arms_are_mirrored()
     assert slots[1::2, 0] == pytest.approx(slots[2::2, 0])
 
 
-def test_slots_turn_with_the_wind():
-    upwind_and_left = np.array([[1.0, 0.0], [0.0, 1.0]])
-    assert in_world(upwind_and_left, math.pi / 2.0) == pytest.approx(np.array([[0.0, 1.0], [-1.0, 0.0]]), abs=1e-12)
-
-
 def test_the_centre_is_found_though_some_robots_are_missing():
     offsets = formation("hexagon", 7, 1.0)
     some = [0, 2, 3]
@@ -138,15 +133,6 @@ def test_odour_on_the_left_moves_the_centre_to_the_left():
     speeds = velocities(offsets, offsets, math.pi, 1.5)
     # Looking upwind, to -x, left is -y.
     assert speeds.mean(axis=0) == pytest.approx([-0.3, -0.2 * 1.5])
-
-
-def test_disordered_robots_take_their_places():
-    rng = np.random.default_rng(2)
-    offsets = formation("hexagon", 7, 1.0)
-    positions = rng.uniform(0.0, 5.0, (7, 2))
-    for _ in range(100):
-        positions = positions + 0.2 * velocities(positions, offsets, 0.0, 0.0)
-    assert positions - positions.mean(axis=0) == pytest.approx(offsets, abs=1e-3)
 
 
 def test_the_odour_lies_where_the_gas_is_and_nowhere_without_gas():
@@ -322,11 +308,6 @@ def test_lanes_lie_across_the_wind_and_go_up_it(upwind_rad, axis, sign):
     lanes = lanes_m[::2, axis]
     assert lanes_m[1::2, axis] == pytest.approx(lanes)
     assert np.all(sign * np.diff(lanes) > 0.0)
-
-
-def test_lanes_turn_before_the_walls_by_their_inset_and_never_beyond_the_middle():
-    assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=1.5)[:, 1]) == pytest.approx([2.5, 7.5])
-    assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=99.0)[:, 1]) == pytest.approx([5.0])
 
 
 def test_a_step_leads_along_the_lanes_and_from_its_end_to_its_beginning():
