@@ -74,8 +74,7 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
         and 1 - mu S is then negative; the integral over the cell does not, and tends to the same in small cells.
         The paper meets a puff where it is in the sensor's cell, a = A; here cells may be smaller than what is met.
     Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py (against a plain double loop; argmax and spread in
-        uniform wind)
+        extensions/search/tests/unit/bayes/test_puff_tracing.py (against a plain double loop)
     """
     mean_share = np.zeros((n_x, n_y))
     product = np.ones((n_x, n_y))
@@ -123,7 +122,7 @@ def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
     Accuracy:
         First order in dt (Euler).
     Held by:
-        extensions/search/tests/unit/bayes/test_puff_tracing.py (uniform wind; a wind of two halves)
+        extensions/search/tests/unit/bayes/test_puff_tracing.py (a wind of two halves; between centres)
     """
     displacement_m = np.zeros((n_steps + 1, 2))
     n_x, n_y = wind_m_s.shape[0], wind_m_s.shape[1]

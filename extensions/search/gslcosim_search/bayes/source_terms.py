@@ -55,8 +55,7 @@ def isotropic_plume(terms, place_m, speed_m_s, direction_rad, source_radius_m):
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464, supplement; as a source-term model: Hutchinson,
         Liu, Chen 2018, Information Fusion 42.
     Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py (the differential equation; downwind is more than
-        upwind)
+        extensions/search/tests/unit/bayes/test_source_terms.py (the differential equation; near the source)
     """
     speed_m_s *= terms[SPEED]
     angle_rad = direction_rad + terms[DIRECTION]

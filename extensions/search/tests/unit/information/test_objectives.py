@@ -97,6 +97,22 @@ def test_the_chance_to_find_the_source_is_the_mass_within_reach():
                                                           ((2, 2), (3, 2), (1, 2), (2, 3), (2, 1))])  # fmt: skip
 
 
+def test_the_usual_form_of_dual_control_does_not_see_the_reading():
+    """|x - E'[s]|^2 + tr cov' averages to E|s - x|^2, whatever the reading tells: why ours keeps the mean of now."""
+    p, stops = belief(), candidates(reach_m=0.0)
+    predictions = predict_stops(p, stops)
+    usual = [
+        sum(
+            chance * (((stops.places_m[i] - q @ CELLS_M) ** 2).sum() + predictions.variance_m2[i, h])
+            for h, (chance, q) in enumerate(outcomes)
+        )
+        for i, outcomes in enumerate(by_hand(p, stops))
+    ]
+    blind = [float(p @ ((CELLS_M - place) ** 2).sum(axis=1)) for place in stops.places_m]
+    assert usual == pytest.approx(blind)
+    assert (predictions.predictive * predictions.square_m2).sum(axis=1) == pytest.approx(blind)
+
+
 def test_a_belief_after_an_outcome_is_bayes_rule_and_ruled_out_cells_stay_so():
     p, stops = belief(), candidates(reach_m=0.0)
     assert update_belief(p, stops.log_weight[0, 1]) == pytest.approx(by_hand(p, stops)[0][1][1])

@@ -27,6 +27,12 @@ def polar(places_m):
     return [(math.hypot(x, y), math.atan2(y, x)) for x, y in places_m]
 
 
+@pytest.mark.parametrize("angle_rad", [0.0, 1.0, 7.5, 40.0])
+def test_neighbouring_turns_are_a_gap_apart(angle_rad):
+    inner_m, outer_m = (spiral_radius_m(GAP_M, angle_rad + turn) for turn in (0.0, 2 * math.pi))
+    assert outer_m - inner_m == pytest.approx(GAP_M)
+
+
 @pytest.mark.parametrize("angle_rad", [0.5, 3.0, 20.0])
 def test_the_length_is_that_of_a_fine_polygon(angle_rad):
     angles = [angle_rad * i / 20_000 for i in range(20_001)]

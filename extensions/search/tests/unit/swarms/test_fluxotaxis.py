@@ -75,6 +75,11 @@ def test_where_all_are_neighbours_there_is_one_divergence_and_no_slope():
     assert slope.problem
 
 
+@pytest.mark.parametrize("n_missing", [0, 1, 3])
+def test_a_hexagon_is_at_rest_with_or_without_some_of_its_robots(n_missing):
+    assert lattice_forces(hexagon(0.9)[n_missing:], 0.9, soft_m=0.2) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_forces_cancel_over_the_lattice_push_when_near_and_pull_when_far():
     places = np.random.default_rng(3).uniform(0.0, 2.0, (6, 2))
     assert lattice_forces(places, 0.8, soft_m=0.2).sum(axis=0) == pytest.approx(0.0, abs=1e-9)

@@ -166,6 +166,11 @@ def legs(positions, offsets, dt_s):
     ])  # fmt: skip
 
 
+def test_a_short_leg_is_the_law_times_its_duration():
+    positions, offsets = np.random.default_rng(5).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
+    assert legs(positions, offsets, 1e-6) / 1e-6 == pytest.approx(velocities(positions, offsets, 0.0, 0.5), rel=1e-4)
+
+
 def test_a_long_leg_ends_in_the_formation_and_never_beyond():
     positions, offsets = np.random.default_rng(6).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
     ends = positions + legs(positions, offsets, 30.0)

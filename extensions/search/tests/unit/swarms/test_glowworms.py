@@ -54,6 +54,8 @@ def test_a_draw_falls_on_each_with_its_probability():
 def test_the_radius_grows_with_too_few_neighbours_and_shrinks_with_too_many():
     assert next_radius_m(3.0, 2, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(3.24)
     assert next_radius_m(3.0, 8, wanted=5, gain_m=0.08, sight_m=8.0) == pytest.approx(2.76)
+    assert next_radius_m(7.9, 0, wanted=5, gain_m=0.08, sight_m=8.0) == 8.0
+    assert next_radius_m(0.1, 8, wanted=5, gain_m=0.08, sight_m=8.0) == 0.0
 
 
 def test_the_glow_is_the_brute_force_maximum():

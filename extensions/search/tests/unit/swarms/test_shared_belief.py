@@ -142,6 +142,14 @@ def test_the_drift_is_capped_and_keeps_its_direction():
     assert step == pytest.approx([0.3, -0.4])
 
 
+def test_the_noise_has_the_variance_of_its_temperature():
+    noise = np.random.default_rng(1).normal(size=(4000, 2))
+    steps = np.array([
+        langevin_step_m(np.zeros(2), xi, temperature=0.3, mobility_m2=0.5, longest_m=1.0) for xi in noise
+    ])  # fmt: skip
+    assert steps.var() == pytest.approx(2.0 * 0.5 * 0.3, rel=0.05)
+
+
 def test_a_colder_robot_at_the_worse_place_swaps_for_sure():
     assert swap_probability(0.01, 1.0, 5.0, 2.0) == 1.0
     assert swap_probability(1.0, 0.01, 2.0, 5.0) == 1.0
