@@ -51,51 +51,6 @@ def report_closed_forms(*, quick):
     say(f"Poiseuille: {', '.join(f'{e:.4f}' for e in errors)}   order {np.log2(errors[0] / errors[1]):.2f}")
 
 
-def report_laws():
-    laws = runpy.run_path(str(TESTS / "unit/flow/test_solve.py"))
-    cell_m, patches = laws["CELL_M"], [laws["INLET"], laws["OUTLET"]]
-    say(f"A room of {' x '.join(f'{s:g}' for s in laws['SIZE_M'])} m, {cell_m} m cells, a block inside; after 2 s")
-    report = solve_wind_report(laws["room"](), cell_m, patches, end_time_s=2.0)
-    u, v, w = report.face_velocity_m_s
-    divergence_m_s = np.abs(np.diff(u, axis=0) + np.diff(v, axis=1) + np.diff(w, axis=2)).max()
-    say(f"  largest divergence  {divergence_m_s:.1e} of inlet speed over cell   (allowed 1e-4)")
-    say(f"  mass balance        {report.mass_balance_relative:.1e}   (allowed 5e-3)")
-    for axis, name in enumerate("xyz"):
-        flipped = mirrored_wind(laws, axis)
-        say(f"  mirrored in {name}       {np.abs(flipped - report.velocity_m_s).max():.1e} m/s from the mirror image")
-    for axes in ((1, 0, 2), (2, 1, 0), (1, 2, 0)):
-        say(f"  axes as {''.join('xyz'[a] for a in axes)}         {turned_difference(laws, report, axes):.1e} m/s")
-
-
-# The wind of the mirrored room, mirrored back.
-def mirrored_wind(laws, axis):
-    def corners(patch):
-        low, high = list(patch.min_m), list(patch.max_m)
-        low[axis], high[axis] = laws["SIZE_M"][axis] - high[axis], laws["SIZE_M"][axis] - low[axis]
-        return {"min_m": tuple(low), "max_m": tuple(high)}
-
-    velocity = tuple(-v if a == axis else v for a, v in enumerate(laws["INLET"].velocity_m_s))
-    patches = [Inlet(**corners(laws["INLET"]), velocity_m_s=velocity), Outlet(**corners(laws["OUTLET"]))]
-    report = solve_wind_report(np.flip(laws["room"](), axis).copy(), laws["CELL_M"], patches, end_time_s=2.0)
-    wind = np.flip(report.velocity_m_s, axis).copy()
-    wind[..., axis] *= -1
-    return wind
-
-
-def turned_difference(laws, report, axes):
-    def turned(values):
-        return tuple(values[a] for a in axes)
-
-    inlet, outlet = laws["INLET"], laws["OUTLET"]
-    patches = [
-        Inlet(min_m=turned(inlet.min_m), max_m=turned(inlet.max_m), velocity_m_s=turned(inlet.velocity_m_s)),
-        Outlet(min_m=turned(outlet.min_m), max_m=turned(outlet.max_m)),
-    ]
-    room = np.ascontiguousarray(laws["room"]().transpose(axes))
-    wind = solve_wind_report(room, laws["CELL_M"], patches, end_time_s=2.0).velocity_m_s
-    return np.abs(wind - report.velocity_m_s.transpose(*axes, 3)[..., list(axes)]).max()
-
-
 def report_references(*, quick):
     foam = runpy.run_path(str(ANALYTIC / "test_pimplefoam.py"))
     folder = foam["REFERENCE"]
@@ -183,7 +138,6 @@ def main():
     quick = "--quick" in sys.argv
     say(f"{os.cpu_count()} cores")
     report_closed_forms(quick=quick)
-    report_laws()
     report_references(quick=quick)
     if not quick:
         report_speed_beside_pimplefoam()
