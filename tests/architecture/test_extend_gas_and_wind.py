@@ -44,24 +44,3 @@ def test_it_is_listed_with_its_settings(packages, gslcosim_with, tmp_path, part,
     (listed,) = [each for each in row["settings"] if each["key"] == setting]
     assert listed["meaning"]
     assert listed["default"] in ("0.001", "0.1")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("part", "override", "expected"),
-    [
-        ("gas", "gas.model=mixd", "gas.model: expected one of filament, farrell, gaussian_plume, meandering_plume, "
-         "mixed or playback, was 'mixd'. Did you mean mixed?"),
-        ("gas", "gas={model: mixed, sources: [{position_m: [1.5, 2, 1]}], air_changes_per_s: 0}",
-         "gas.air_changes_per_s: expected a number greater than 0"),
-        ("gas", "gas={model: mixed, sources: [{position_m: [1.5, 2, 1]}], growth_m2_s: 0.1}",
-         "gas.growth_m2_s: expected one of the keys"),
-        ("wind", "wind.solver=swril", "wind.solver: expected one of auto, built_in, openfoam, uniform, stored, "
-         "{file: PATH} or swirl, was 'swril'. Did you mean swirl?"),
-        ("wind", "wind={solver: swirl, courant: 0.5}", "wind.courant: expected one of the keys"),
-    ],
-)  # fmt: skip
-def test_what_it_does_not_have_is_refused_with_its_place(packages, gslcosim_with, tmp_path, part, override, expected):
-    done = gslcosim_with(packages[part], ["validate", "tiny_room", "--set", override], tmp_path)
-    assert done.returncode == 2
-    assert expected in done.stdout + done.stderr

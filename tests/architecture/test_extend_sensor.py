@@ -33,22 +33,6 @@ def test_the_sensor_is_listed_and_runs(package, gslcosim_with, tmp_path):
     assert "above_ppm: 0.5" in resolved.read_text()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("block", "expected"),
-    [
-        ("{model: clicks, name: nose, above_ppm: 0}", "above_ppm: expected a number greater than 0"),
-        ("{model: clicks, name: nose, below_ppm: 1}", "below_ppm: expected one of the keys"),
-        ("{model: clikcs, name: nose}", "Did you mean clicks?"),
-    ],
-)
-def test_what_it_does_not_have_is_refused_with_its_place(package, gslcosim_with, tmp_path, block, expected):
-    done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"agents[0].sensors=[{block}]"], tmp_path)
-    assert done.returncode == 2
-    assert "agents[0].sensors[0]" in done.stdout + done.stderr
-    assert expected in done.stdout + done.stderr
-
-
 BATCH = """
 import numpy as np
 from gslcosim_training.batch import BatchSearchEnv

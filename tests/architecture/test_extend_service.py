@@ -92,22 +92,3 @@ def test_gas_that_would_not_follow_is_refused(package, gslcosim_with, tmp_path, 
     assert done.returncode == 2
     expected = "services: expected none that changes the wind, as ventilation does, with gas that does not follow it"
     assert f"{expected}, was {found}" in done.stdout + done.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("block", "expected"),
-    [
-        ("{name: ventilation, above_ppm: 0}",
-         "services[0].above_ppm: expected a number greater than 0 in ppm, was 0."),
-        ("{name: ventilation, below_ppm: 1}",
-         "services[0].below_ppm: expected one of the keys name, above_ppm, full_share, ramp_s, was an unknown key."),
-        ("{name: ventilaton}",
-         "services[0].name: expected the name of a service that an installed package offers (ventilation), "
-         "was 'ventilaton'."),
-    ],
-)  # fmt: skip
-def test_what_no_package_offers_is_refused(package, gslcosim_with, tmp_path, block, expected):
-    done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"services=[{block}]"], tmp_path)
-    assert done.returncode == 2
-    assert expected in done.stdout + done.stderr

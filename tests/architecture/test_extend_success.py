@@ -45,21 +45,3 @@ def test_the_criterion_of_a_package_is_run_reported_and_judged(package, gslcosim
     assert agent["time_to_source_s"] == pytest.approx(1.0)
     (resolved,) = tmp_path.glob("runs/*/scenario.yaml")
     assert yaml.safe_load(resolved.read_text())["referee"]["success"] == {"within_m": 4.0, "of": "stay", "for_s": 1.0}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("block", "expected"),
-    [
-        ("{of: stay, for_s: 0}", "referee.success.for_s: expected a number greater than 0 in seconds, was 0."),
-        ("{of: stay, horizontal: true}",
-         "referee.success.horizontal: expected one of the keys within_m, of, for_s, was an unknown key."),
-        ("{of: sty}",
-         "referee.success.of: expected one of source, declaration, all_sources, map or stay, was 'sty'. "
-         "Did you mean stay?"),
-    ],
-)  # fmt: skip
-def test_what_the_block_does_not_have_is_refused(package, gslcosim_with, tmp_path, block, expected):
-    done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"referee.success={block}"], tmp_path)
-    assert done.returncode == 2
-    assert expected in done.stdout + done.stderr

@@ -4,7 +4,6 @@ import inspect
 import re
 from pathlib import Path
 
-import pytest
 from messages_page import MESSAGES_BY_KEY, build_messages_markdown
 
 from gslcosim.contract import keys, messages
@@ -62,14 +61,6 @@ def test_writers_and_readers_are_as_documented():
         readers = {reader.name for reader in dataflow.readers_of[writer] if any(r.port == port for r in reader.reads)}
         documented_readers = {text.strip().replace("its door", "agent_beetle") for text in channel.readers.split(",")}
         assert readers <= documented_readers, port
-
-
-@pytest.mark.parametrize("name", ["messages.md", "notation.md"])
-def test_links_of_a_page_lead_somewhere(name):
-    text = (ROOT / "docs" / name).read_text()
-    targets = {part.split(")")[0] for part in text.split("](")[1:]}
-    local = {target.split("#")[0] for target in targets if not target.startswith("http")} - {""}
-    assert [target for target in local if not (ROOT / "docs" / target).exists()] == []
 
 
 def test_each_word_stands_once_and_its_module_is_there():

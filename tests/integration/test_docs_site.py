@@ -2,29 +2,13 @@
 
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 import pytest
 from deadlines import PROCESS_S
 
 pytestmark = [pytest.mark.slow, pytest.mark.extras]
 ROOT = Path(__file__).parents[2]
-
-
-class Links(HTMLParser):
-    """Links and anchors of a page."""
-
-    def __init__(self, page: Path) -> None:
-        super().__init__()
-        self.links, self.anchors = [], set()
-        self.feed(page.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag, attrs):
-        values = dict(attrs)
-        self.anchors |= {values[key] for key in ("id", "name") if values.get(key)}
-        self.links += [values[key] for key in ("href", "src") if values.get(key)]
 
 
 @pytest.fixture(scope="module")
@@ -37,24 +21,6 @@ def site(tmp_path_factory):
     )  # fmt: skip
     assert built.returncode == 0, built.stdout + built.stderr
     return folder / "site"
-
-
-def test_every_link_leads_somewhere(site):
-    pages = {page: Links(page) for page in site.rglob("*.html")}
-    broken = []
-    for page, found in pages.items():
-        for link in found.links:
-            parts = urlsplit(link)
-            if parts.scheme or parts.netloc:
-                continue
-            target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
-            if not target.exists() or (parts.fragment and target in pages and not _has(pages[target], parts.fragment)):
-                broken.append(f"{page.relative_to(site)}: {link}")
-    assert broken == []
-
-
-def _has(page, fragment):
-    return unquote(fragment) in page.anchors or not fragment
 
 
 def test_every_page_of_the_repository_is_in_the_site(site):

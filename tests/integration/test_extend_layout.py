@@ -1,6 +1,5 @@
 """docs/extend/layout.md is true: its steps, taken on a copy of the package, give a room."""
 
-import json
 import os
 import re
 import shutil
@@ -46,11 +45,3 @@ def test_the_steps_give_a_room_with_its_columns(copy):
     assert made.returncode == 0, made.stderr
     scene = (copy / "hall" / "scene.xml").read_text()
     assert {f"column_{i}" for i in range(6)} <= set(re.findall(r'name="(column_\d)"', scene))
-
-
-@pytest.mark.slow
-def test_what_cannot_be_is_reported_with_its_place(copy):
-    shown = gslcosim(copy, "environment", "generate", "columns", "--out", "no", "--set", "layout.column_m=6")
-    assert shown.returncode == 2
-    assert "layout" in shown.stderr, json.dumps(shown.stderr)
-    assert "Traceback" not in shown.stderr

@@ -96,12 +96,6 @@ def test_an_agent_is_not_let_in(net):
     assert not list(net.folder.glob("*accounts*"))
 
 
-def test_a_wrong_password_is_reported(net):
-    """The router refuses a service that is none."""
-    with pytest.raises(SimulationFault, match="its password were refused"):
-        net.join("a", password="wrong")
-
-
 def test_who_waits_is_woken_by_what_other_threads_put(net):
     """Without a message on the channel, and where it has said that it waits before or after."""
     mailbox = net.join("b").mailbox(BUNDLES_FOR_B)

@@ -26,10 +26,6 @@ def test_a_quarter_turn_moves_the_body_axes_right_handed(axis, turned_m):
     assert rotation @ (1.0, 2.0, 3.0) == pytest.approx(turned_m)
 
 
-def test_the_identity_leaves_vectors_alone():
-    assert np.array_equal(world_from_body_rotation((1.0, 0.0, 0.0, 0.0)), np.eye(3))
-
-
 @pytest.mark.parametrize("angle_rad", [-3.1, -1.0, 0.0, 0.5, 3.1])
 def test_yaw_is_the_turn_about_the_vertical(angle_rad):
     assert yaw_from_quaternion(about((0, 0, 1), angle_rad)) == pytest.approx(angle_rad)

@@ -90,14 +90,3 @@ def test_signals_raise_in_this_process_and_end_its_forks(name):
         # Whoever runs the tests in the background may have had SIGINT ignored, which children inherit.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-
-
-def test_an_ignored_signal_stays_ignored():
-    """As by nohup."""
-    program = (
-        "import os, signal; from gslcosim.base.processes import raise_on_signals; raise_on_signals(); "
-        "os.kill(os.getpid(), signal.SIGHUP)"
-    )
-    subprocess.run(
-        [sys.executable, "-c", program], check=True, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    )

@@ -1,7 +1,5 @@
 """Units of measure at the ends of names, in files, and behind numbers."""
 
-import math
-
 import pytest
 
 from gslcosim.base.units_of_measure import (
@@ -52,9 +50,3 @@ def test_a_unit_of_another_kind_is_not_converted(text, key):
 @pytest.mark.parametrize("text", ["", "high", "m 2", "1 2", "2 m 3 cm", "--3"])
 def test_what_is_not_a_number_with_a_unit_is_no_quantity(text):
     assert read_quantity(text) is None
-
-
-def test_degrees_are_a_180th_of_a_half_turn():
-    quantity = read_quantity("1 °")
-    assert quantity is not None
-    assert number_in_unit_of("a_rad", quantity) == pytest.approx(math.pi / 180, rel=1e-5)

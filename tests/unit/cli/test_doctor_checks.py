@@ -6,7 +6,6 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from packaging.specifiers import SpecifierSet
 
 from gslcosim.cli import doctor_checks
 from gslcosim.cli.doctor_checks import CheckResult
@@ -16,18 +15,6 @@ from gslcosim.cli.main import main
 def only(findings):
     (finding,) = findings
     return finding
-
-
-@pytest.mark.parametrize(
-    ("version", "bounds", "fits"),
-    [
-        ("1.10.2", ">=1.10.2,<1.11", True), ("1.11.0", ">=1.10.2,<1.11", False), ("1.9", ">=1.10", False),
-        ("2.0", "", True), ("4.0.0", ">=4.0,<5", True), ("3.0", "==3.0", True), ("3.1", "!=3.1", False),
-        ("3.1", "<=3.1", True), ("3.1", ">3.1", False), ("1.0rc1", ">=1.0", True),
-    ],
-)  # fmt: skip
-def test_versions_are_compared_as_numbers(version, bounds, fits):
-    assert doctor_checks.version_fits(version, SpecifierSet(bounds)) is fits
 
 
 def test_what_an_extra_or_another_system_needs_is_not_looked_for():
@@ -42,12 +29,6 @@ def test_an_old_python_prevents_flying(monkeypatch):
     assert finding.level == "FAIL"
     assert finding.text.startswith("3.10.4 at ")
     assert finding.remedy == "Install Python 3.11 or newer."
-
-
-def test_each_package_is_a_line_of_its_own():
-    names = [finding.name for finding in doctor_checks.check_packages()]
-    assert {"eclipse-zenoh", "numpy", "mujoco", "rerun-sdk", "pydantic"} <= set(names)
-    assert "pytest" not in names
 
 
 def test_a_missing_or_unfit_package_has_an_install_command():
@@ -88,10 +69,6 @@ def test_one_core_is_a_limit(monkeypatch):
 def test_little_memory_is_a_limit_and_none_prevents_flying(monkeypatch, free_gb, level):
     monkeypatch.setattr(doctor_checks, "free_memory_gb", lambda: free_gb)
     assert only(doctor_checks.check_memory()).level == level
-
-
-def test_the_free_memory_is_a_positive_number():
-    assert 0 < doctor_checks.free_memory_gb() < 1e5
 
 
 @pytest.mark.parametrize(("free_gb", "level"), [(8.0, "OK"), (1.0, "WARN"), (0.1, "FAIL")])

@@ -53,12 +53,6 @@ def test_a_status_is_said_in_words(status, text):
     assert format_status(status) == text
 
 
-def test_the_live_line_shows_the_last_report(monkeypatch):
-    flying = RunStatus(state="flying", sim_time_s=3.0, real_time_factor=150.0)
-    text = drawn(monkeypatch, RunStatus(state="starting"), flying, title="hall, seed 7")
-    assert "hall, seed 7 flying, 3.0 s simulated, 150 x real time" in text
-
-
 def test_the_live_line_has_a_bar_while_the_fraction_is_known(monkeypatch):
     preparing = RunStatus(state="preparing", text="Solving the wind", fraction=0.25)
     assert "━" in drawn(monkeypatch, preparing)

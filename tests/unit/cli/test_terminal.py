@@ -26,7 +26,6 @@ from gslcosim.cli.terminal import drawn_table, open_console, table, write, write
 from gslcosim.recordings import viewer
 from gslcosim.runtime.status import RunResult, get_status_folder
 from gslcosim_conformance.teleop import Terminal
-from gslcosim_formats.commands import generate
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"
@@ -75,37 +74,6 @@ def test_the_live_line_takes_neither_markup_nor_escape_sequences():
     drawn = console.file.getvalue()
     assert drawn.count(SHOWN) == 2
     assert not obeyed(drawn)
-
-
-def on_a_terminal(monkeypatch, draw):
-    """Return what `draw` writes to stderr where that is a terminal."""
-    stream = io.StringIO()
-    stream.isatty = lambda: True
-    monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("TERM", "xterm")
-    draw()
-    return stream.getvalue()
-
-
-def test_the_progress_bar_takes_neither_markup_nor_escape_sequences(monkeypatch):
-    def draw():
-        with generate._progress_bar(is_quiet=False) as report:
-            report(EVIL, 0.5)
-
-    drawn = on_a_terminal(monkeypatch, draw)
-    assert SHOWN in drawn
-    assert TITLE not in drawn
-
-
-def test_the_line_of_suites_is_one_harmless_line(monkeypatch):
-    def draw():
-        with ProgressLine(EVIL, is_quiet=False) as line:
-            line.count(1, 2)
-
-    drawn = on_a_terminal(monkeypatch, draw)
-    assert f"{SHOWN} 1 of 2" in drawn
-    assert TITLE not in drawn
 
 
 def test_a_drawn_table_takes_neither_markup_nor_escape_sequences():

@@ -18,10 +18,6 @@ def test_bytes_are_in_c_order_and_little_endian_whatever_the_source():
     assert message.data == b"".join(value.to_bytes(4, "little") for value in (1, 2, 3, 4, 5, 6))
 
 
-def test_empty_arrays_pass():
-    assert NumericArray.from_array(np.zeros((0, 3))).to_array().shape == (0, 3)
-
-
 def test_the_result_cannot_be_written_to():
     with pytest.raises(ValueError, match="read-only"):
         NumericArray.from_array(np.zeros(3)).to_array()[0] = 1.0

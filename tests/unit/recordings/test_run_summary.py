@@ -104,10 +104,6 @@ def test_the_methods_are_those_that_the_scenario_names(tmp_path):
     assert methods == join_methods(scenario.methods.values()) == "my_search+calling_beetle"
 
 
-def test_a_scenario_without_agents_has_no_methods():
-    assert find_methods("schema: gslcosim/scenario/1\nagents: []\n") == ""
-
-
 NUMBERS, TEXTS = ("time_s", "seed"), ("outcome",)
 
 

@@ -92,8 +92,3 @@ def test_a_join_file_holds_what_is_needed_and_is_its_owners_alone(certificate, t
     fields = json.loads(path.read_text())
     assert (fields["endpoint"], fields["lease_s"], fields["tls_root_ca"]) == ("tls/10.0.0.1:7447", 20.0, "ca.pem")
     assert fields["needs_tls_client"] is True
-
-
-def test_a_join_file_without_client_certificates_has_no_word_of_them(tmp_path):
-    path = Network(listen=("tcp/127.0.0.1:7447",)).write_join("services", JOIN, tmp_path)
-    assert not {"needs_tls_client", "tls_root_ca"} & set(json.loads(path.read_text()))

@@ -7,14 +7,6 @@ from gslcosim.runtime.run import CompilationReporter, KernelFolder
 from gslcosim.runtime.status import RunStatus
 
 
-def test_a_kernel_that_is_added_is_seen(tmp_path):
-    (tmp_path / "physics").mkdir()
-    folder = KernelFolder(tmp_path)
-    assert not folder.has_new()
-    (tmp_path / "physics" / "push.nbc").touch()
-    assert folder.has_new()
-
-
 def test_a_folder_that_was_not_there_is_new(tmp_path):
     """As in the first run of a version."""
     folder = KernelFolder(tmp_path / "numba")

@@ -111,17 +111,3 @@ def test_further_checks_are_reported_with_their_lines_among_the_others(problem_l
 )  # fmt: skip
 def test_places_are_not_guessed_when_something_that_says_where_is_wrong(problem_lines, old, new):
     assert "expected home" not in "\n".join(problem_lines((old, new), checks=[far_away]))
-
-
-def test_a_place_is_reported_once(problem_lines):
-    wrong = Problem(where="name", expected="another", found="this")
-    assert len(problem_lines(("name: hall", "name: 5"), checks=[lambda *_: [wrong]])) == 1
-
-
-def test_problems_are_there_as_data(scenario_file):
-    path = scenario_file(("name: hall", "name: 5"))
-    with pytest.raises(InvalidScenarioError) as refusal:
-        load_scenario(path)
-    (problem,) = [located.as_fields() for located in refusal.value.problems]
-    assert problem["source"] == str(path)
-    assert (problem["line"], problem["path"], problem["found"], problem["remedy"]) == (2, "name", "5", "")

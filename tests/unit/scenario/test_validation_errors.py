@@ -3,7 +3,6 @@
 import pytest
 
 from gslcosim.base.gases import GASES
-from gslcosim.scenario import Scenario
 from gslcosim.scenario.model_schema import format_value, list_keys
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.scenario.models.sensors import SENSORS
@@ -18,17 +17,12 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
         ("name: hall", "name: The Hall",
          "hall.yaml:2: name: expected a name: a small letter, then small letters, digits and _, at most 40 in all, "
          "was 'The Hall'. For example the_hall."),
-        ("name: hall", "name: 5",
-         "hall.yaml:2: name: expected a name: a small letter, then small letters, digits and _, at most 40 in all, "
-         "was 5."),
         ("name: hall", "name: hall\nseed: 7.0",
          "hall.yaml:3: seed: expected a whole number from 0 to 2147483648, was 7.0. Write 7."),
         ("name: hall", "name: hall\nseed: '7'",
          "hall.yaml:3: seed: expected a whole number from 0 to 2147483648, was '7'. Write it without quotes: 7."),
         ("name: hall", "name: hall\nseed: -1",
          "hall.yaml:3: seed: expected a whole number from 0 to 2147483648, was -1."),
-        ("name: hall", "name: hall\nseed: true",
-         "hall.yaml:3: seed: expected a whole number from 0 to 2147483648, was true."),
         ("name: hall", "name: hall\nwind: {cell_m: 20 cm}",
          "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was '20 cm'. "
          "Give the number in metres without a unit: 0.2."),
@@ -37,8 +31,6 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
          "Give the number in metres without a unit."),
         ("name: hall", "name: hall\nwind: {cell_m: .inf}",
          "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was inf."),
-        ("name: hall", "name: hall\nwind: {cell_m: .nan}",
-         "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was nan."),
         ("name: hall", "name: hall\nwind: {cell_m: }",
          "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was nothing."),
         ("name: hall", "name: hall\nwind: built_in",
@@ -51,8 +43,6 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
          "Give the number in metres without a unit: 2."),
         ("[5, 1, 2]", "[5, 1]",
          "hall.yaml:7: gas.sources[0].position_m: expected a list of 3 numbers in metres, was [5, 1]."),
-        ("[5, 1, 2]", "[5, 1, 2, 3]",
-         "hall.yaml:7: gas.sources[0].position_m: expected a list of 3 numbers in metres, was [5, 1, 2, 3]."),
         ("[5, 1, 2]", "5",
          "hall.yaml:7: gas.sources[0].position_m: expected a list of 3 numbers in metres, was 5. Put it in "
          "brackets: [ … ]."),
@@ -110,8 +100,6 @@ def test_an_unknown_name_is_answered_with_all_that_are_known(problem_lines, old,
          "Did you mean hold_s? Write hold_s: 0.5, in seconds."),
         ("0.2]}", "0.2], wings: 2}",
          f"hall.yaml:11: agents[0].vehicle.wings: expected one of the keys {VEHICLE_KEYS}, was an unknown key."),
-        ("0.2]}", "0.2], 3: 2}",
-         f"hall.yaml:11: agents[0].vehicle.3: expected one of the keys {VEHICLE_KEYS}, was an unknown key."),
         ("0.2]}", "0.2], time_limit_s: 2}",
          f"hall.yaml:11: agents[0].vehicle.time_limit_s: expected one of the keys {VEHICLE_KEYS}, was an unknown key. "
          "time_limit_s belongs to referee.stop."),
@@ -150,14 +138,3 @@ def test_faulty_items_do_not_make_their_list_look_empty(problem_lines):
 )  # fmt: skip
 def test_values_are_shown_as_people_write_them(value, text):
     assert format_value(value) == text
-
-
-@pytest.mark.slow
-def test_every_field_of_every_model_can_be_described(problem_lines):
-    """Whatever the models allow, an error can say it: no annotation is unknown to the words."""
-    from gslcosim.scenario.model_schema import _all_blocks, find_schema_node, list_keys
-
-    for path, model in _all_blocks(Scenario, ""):
-        location = [0 if word == "]" else word for word in path.replace("[]", ".]").split(".") if word]
-        for key in list_keys(model):
-            assert find_schema_node((*location, key)).describe()

@@ -11,9 +11,9 @@ from gslcosim.cli.main import main
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        ("scenarios", "warehouse_empty"), ("agents", "dung_beetle"), ("sensors", "anemometer"), ("vehicles", "iris"),
+        ("scenarios", "warehouse_empty"), ("sensors", "anemometer"), ("vehicles", "iris"),
         ("gas_models", "farrell"), ("wind_solvers", "uniform"),
-        ("gases", "ethanol"), ("agents", "infotaxis"), ("layouts", "warehouse_empty"),
+        ("gases", "ethanol"), ("agents", "infotaxis"),
     ],
 )  # fmt: skip
 def test_each_kind_is_listed_with_what_describes_it(capsys, kind, name):

@@ -17,13 +17,6 @@ def test_export_writes_all_files(capsys, tmp_path):
     assert written == build_contract_files()
 
 
-def test_json_lists_what_was_written(capsys, tmp_path):
-    assert main(["schema", "export", str(tmp_path), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["hash"] == CONTRACT_HASH
-    assert printed["files"] == list(build_contract_files())
-
-
 def test_a_folder_that_cannot_be_written_is_a_wrong_call(capsys, tmp_path):
     (tmp_path / "file").write_text("")
     assert main(["schema", "export", str(tmp_path / "file" / "contract")]) == 2

@@ -17,14 +17,6 @@ def test_a_valid_scenario_is_confirmed(capsys):
     assert capsys.readouterr().out == "tiny_room: valid. Scenario tiny_room, seed 1, agents: beetle.\n"
 
 
-def test_problems_are_reported_on_stderr(capsys):
-    assert main(["validate", "tiny_room", "--set", "wind.cell=1", "--set", "tick_ms=3"]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert "--set: wind.cell: expected one of the keys" in output.err
-    assert "--set: tick_ms: expected a multiple of the physics step of 4 ms, was 3. Nearest: 4 or 8." in output.err
-
-
 def test_problems_as_json_are_the_whole_of_stdout(capsys):
     assert main(["validate", "tiny_room", "--json", "--set", "agents[0].vehicle.hold_s=-1"]) == 2
     output = capsys.readouterr()
@@ -56,15 +48,6 @@ def test_the_resolved_scenario_is_printed_as_yaml(capsys, tmp_path):
     file = tmp_path / "resolved.yaml"
     file.write_text(capsys.readouterr().out)
     assert load_scenario(file).scenario == load_scenario("tiny_room").scenario
-
-
-def test_problems_of_places_and_others_come_together(capsys):
-    changes = ["gas.sources[0].position_m=[60, 2, 1]", "agents[0].sensors[0].model=nose", "name=A B"]
-    assert main(["validate", "tiny_room", *(f"--set={change}" for change in changes)]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(": expected")[0] for line in lines[1:]] == [
-        "--set: agents[0].sensors[0].model", "--set: gas.sources[0].position_m", "--set: name"
-    ]  # fmt: skip
 
 
 CAMERAS = ["agents[0].sensors[0]={model: camera, name: eye}", "agents[0].sensors[1]={model: depth_camera, name: depth}"]
@@ -158,14 +141,6 @@ def test_wind_that_cannot_be_read_is_a_problem_of_the_scenario(capsys, tmp_path,
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("--set: wind.solver.file: expected wind that fits the room, was ")
     assert told in line
-
-
-def test_wind_that_can_be_read_is_none(capsys, tmp_path):
-    (tmp_path / "wind.csv").write_text("0.3,0,0\n")
-    assert (
-        main(["validate", "tiny_room", *(each.replace("WIND", str(tmp_path / "wind.csv")) for each in WIND_FILE)]) == 0
-    )
-    assert capsys.readouterr().out.startswith("tiny_room: valid. ")
 
 
 @pytest.fixture
@@ -304,18 +279,6 @@ def test_a_train_file_tells_all_its_problems_at_once(capsys, tmp_path, command):
     ]
 
 
-def test_settings_of_ppo_are_checked_without_training(capsys, tmp_path):
-    path = tmp_path / "t.train.yaml"
-    settings = "{rounds: 0, clip: 2, speed: 1}"
-    trainer = f"trainer: {{kind: recurrent_ppo, settings: {settings}}}"
-    path.write_text(TRAINING.replace(TRAINING.splitlines()[3], trainer).replace("30000", "3"))
-    assert main(["validate", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert "trainer.settings.rounds: expected a whole number from 1, was 0" in error
-    assert "trainer.settings.clip: expected a number above 0 and up to 1, was 2" in error
-    assert "trainer.settings: expected settings among rounds, horizon" in error
-
-
 FAMILY = """schema: gslcosim/family/1
 name: f
 scenario: hall.yaml
@@ -336,24 +299,6 @@ def test_a_family_is_checked_by_its_first_cases(capsys, tmp_path):
     ] * 3
     assert "family.yaml:3: scenario: expected a scenario of which each seed makes a case" in lines[1]
     assert "gas.sources[0].position_m: expected a point in the room's air" in lines[1]
-
-
-def test_a_training_whose_cases_cannot_be_batched_is_refused(capsys, tmp_path):
-    (tmp_path / "hall.yaml").write_text(load_scenario("tiny_room").text)
-    (tmp_path / "family.yaml").write_text(
-        FAMILY.replace("{SET}", "{events: [{what: wind_changes, at_s: 5, share: 0.5}]}")
-    )
-    path = tmp_path / "t.train.yaml"
-    table = "trainer: {kind: table}\naction: {kind: velocity}"
-    path.write_text(
-        TRAINING.replace(TRAINING.splitlines()[3], table)
-        .replace("30000", "3, validation: 3")
-        .replace("open_halls", "family.yaml")
-    )
-    assert main(["validate", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert "family: expected cases with events as trainer.kind: table flies them: none in a batch, was 1." in error
-    assert "t.train.yaml:5: action.kind: expected heading for trainer.kind: table, was velocity" in error
 
 
 @pytest.mark.parametrize("name", ["smoke", "surge_cast", "open_halls", "open_halls_table"])

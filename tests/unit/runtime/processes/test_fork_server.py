@@ -50,14 +50,6 @@ def test_a_fork_shows_how_it_ended_and_its_log_why(server, tmp_path):
     assert "expected run_dir in the join data" in (tmp_path / "world.log").read_text()
 
 
-def test_several_forks_are_distinguished(server, tmp_path):
-    names = ("fields", "sensing", "weather")
-    processes = {name: fork(server, name, log=tmp_path / f"{name}.log") for name in names}
-    assert {name: process.wait(EVENT_S) for name, process in processes.items()} == dict.fromkeys(names, 3)
-    assert len({process.pid for process in processes.values()}) == 3
-    assert all("expected" in (tmp_path / f"{name}.log").read_text() for name in names)
-
-
 def test_the_server_has_one_thread(server, tmp_path):
     """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
     fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
@@ -146,13 +138,6 @@ def test_a_run_without_a_process_for_its_recorder_keeps_none_ready(tmp_path):
         server.release_unused()
         fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
         assert not exists(preforked)
-
-
-def test_a_closed_server_is_gone():
-    server = ForkServer()
-    server.close()
-    assert not exists(server.pid)
-    assert not server.has_failed
 
 
 def test_a_title_replaces_the_command_line():

@@ -2,11 +2,9 @@
 
 import pytest
 
-from gslcosim.scenario.checks import cross_checks
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim_services.sensing import SENSOR_MODELS
-from gslcosim_services.world import core as world
 
 
 @pytest.mark.parametrize(
@@ -28,13 +26,9 @@ from gslcosim_services.world import core as world
          "has, was 'a', as environment.layout.obstacles[0].name. For example a_2."),
         ("name: hall", "name: hall\ntick_ms: 50",
          "hall.yaml:3: tick_ms: expected a multiple of the physics step of 4 ms, was 50. Nearest: 48 or 52."),
-        ("name: hall", "name: hall\ntick_ms: 2",
-         "hall.yaml:3: tick_ms: expected a multiple of the physics step of 4 ms, was 2. Nearest: 4 or 8."),
         ("name: hall", "name: hall\nrecording: {gas_every_s: 0.25}",
          "hall.yaml:3: recording.gas_every_s: expected a whole number of 100 ms ticks, was 0.25 s. Nearest: 0.2 or "
          "0.3."),
-        ("name: hall", "name: hall\nrecording: {gas_every_s: 0.05}",
-         "hall.yaml:3: recording.gas_every_s: expected a whole number of 100 ms ticks, was 0.05 s. Nearest: 0.1."),
         ("name: hall", "name: hall\nreferee: {stop: {time_limit_s: 10.01}}",
          "hall.yaml:3: referee.stop.time_limit_s: expected a whole number of 100 ms ticks, was 10.01 s. "
          "Nearest: 10 or 10.1."),
@@ -92,10 +86,6 @@ def test_values_of_a_wrong_kind_are_left_to_the_models(problem_lines):
     assert [line.partition(": expected")[0] for line in lines] == [
         "hall.yaml:3: tick_ms", "hall.yaml:4: recording.gas_every_s", "hall.yaml:10: agents", "hall.yaml:11: x"
     ] or lines[0].endswith("problems")  # fmt: skip
-
-
-def test_the_physics_step_is_that_of_the_world():
-    assert cross_checks.PHYSICS_STEP_MS == world.PHYSICS_STEP_MS
 
 
 def test_the_sensors_are_those_that_the_cores_have():
@@ -178,12 +168,6 @@ def test_an_agent_that_no_message_can_reach_is_no_member(problem_lines, start, n
         ("tgs2600, name: nose}", "averaging, name: nose, averaging_s: 0.25}",
          "hall.yaml:13: agents[0].sensors[0].averaging_s: expected a whole number of 100 ms ticks, was 0.25 s. "
          "Nearest: 0.2 or 0.3."),
-        ("name: nose}", "name: nose, delay_s: 0.03}",
-         "hall.yaml:13: agents[0].sensors[0].delay_s: expected a whole number of 100 ms ticks, was 0.03 s. Nearest: "
-         "0.1."),
-        ("name: nose}", "name: nose, warm_up_s: 1.01}",
-         "hall.yaml:13: agents[0].sensors[0].warm_up_s: expected a whole number of 100 ms ticks, was 1.01 s. Nearest: "
-         "1 or 1.1."),
         ("name: nose}", "name: nose}\n      - {model: pid, name: nose_ppm}",
          "hall.yaml:14: agents[0].sensors[1].name: expected a name that no estimate of a MOX sensor has, was "
          "'nose_ppm'. For example true_gas."),

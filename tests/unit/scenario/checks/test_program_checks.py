@@ -40,14 +40,10 @@ def test_programs_that_are_there_are_accepted(agent_files, scenario_file, start)
     [
         (r'{python: "a\0b"}',
          f"{PLACE}.python: expected a path that a file can have, was one with the character U+0000."),
-        ("{python: " + "x" * 300 + "}",
-         f"{PLACE}.python: expected a path that a file can have, was one of 300 characters."),
         ("{python: ~no_such_user/x.py}", f"{PLACE}.python: expected a path that a file can have, was "
          "'~no_such_user/x.py', the home of a user that there is not."),
         (r'{command: [sh, -c, "\0"]}', f"{PLACE}.command[2]: expected a path that a file can have, was one with the "
          "character U+0000."),
-        ("{command: [sh, " + "x/" * 2000 + "a.py]}",
-         f"{PLACE}.command[1]: expected a path that a file can have, was one of 4004 characters."),
         ("{python: dung_beatle}", f"{PLACE}.python: expected a bundled agent (`gslcosim list` names them) or a file "
          "like ./my_agent.py, was 'dung_beatle'. Did you mean dung_beetle?"),
         ("{python: mine}", f"{PLACE}.python: expected a bundled agent (`gslcosim list` names them) or a file "

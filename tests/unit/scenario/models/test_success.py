@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.scenario.models.scenario import RefereeSpec, Scenario
+from gslcosim.scenario.models.scenario import RefereeSpec
 from gslcosim.scenario.models.success import CRITERIA, SourceSuccess
 
 
@@ -11,11 +11,7 @@ from gslcosim.scenario.models.success import CRITERIA, SourceSuccess
     [
         ("{of: sauce}",
          "of: expected one of source, declaration, all_sources or map, was 'sauce'. Did you mean source?"),
-        ("{of: 7}", "of: expected one of source, declaration, all_sources or map, was 7."),
         ("{of: source, mass_at_least: 0.5}",
-         "mass_at_least: expected one of the keys within_m, of, horizontal, was an unknown key. "
-         "mass_at_least belongs to of: map."),
-        ("{mass_at_least: 0.5}",
          "mass_at_least: expected one of the keys within_m, of, horizontal, was an unknown key. "
          "mass_at_least belongs to of: map."),
         ("{of: map, horizontal: true}",
@@ -62,7 +58,3 @@ def test_a_block_is_written_and_read_back_equal(name):
     referee = RefereeSpec.model_validate({"success": {"of": name, "within_m": 0.7}})
     assert RefereeSpec.model_validate_json(referee.model_dump_json()) == referee
     assert list(referee.success.model_dump())[:2] == ["within_m", "of"]
-
-
-def test_a_scenario_s_schema_knows_every_criterion():
-    assert all(f'"{name}"' in str(Scenario.model_json_schema()).replace("'", '"') for name in CRITERIA)
