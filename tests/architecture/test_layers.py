@@ -117,12 +117,12 @@ def test_modules_of_the_runtime_import_each_other_in_no_circle():
     assert circles_of({"a": {"b"}, "b": {"a"}, "c": {"a"}, "d": set()}) == ["a", "b", "c"]
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("agents/*/**/*.py")), ids=lambda path: str(path.relative_to(ROOT)))
-def test_bundled_agents_see_only_the_kit_and_the_contract(path):
-    ours = {name for name in imports_of(path) if name.split(".")[0].startswith("gslcosim")}
-    assert {name for name in ours if not is_within(name, AGENT_MAY_IMPORT)} == set()
+def test_bundled_agents_see_only_the_kit_and_the_contract():
+    for path in ROOT.glob("agents/*/**/*.py"):
+        ours = {name for name in imports_of(path) if name.split(".")[0].startswith("gslcosim")}
+        assert {name for name in ours if not is_within(name, AGENT_MAY_IMPORT)} == set(), path
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("gslcosim/**/*.py")), ids=lambda path: str(path.relative_to(ROOT)))
-def test_the_framework_never_imports_an_agent(path):
-    assert not {name for name in imports_of(path) if name.startswith("gslcosim_agents.")}
+def test_the_framework_never_imports_an_agent():
+    for path in ROOT.glob("gslcosim/**/*.py"):
+        assert not {name for name in imports_of(path) if name.startswith("gslcosim_agents.")}, path

@@ -40,7 +40,6 @@ def test_every_mark_has_its_block(page):
 
 @pytest.mark.parametrize(("source", "block"), marked_blocks("from"))
 def test_a_program_on_a_page_is_the_one_in_its_file(source, block):
-    """Whole lines, one after the other, as they stand in the file."""
     assert f"\n{block}" in f"\n{(ROOT / source).read_text()}"
 
 

@@ -52,7 +52,6 @@ def test_a_run_uses_the_keys_as_documented():
 
 
 def test_writers_and_readers_are_as_documented():
-    """Each port of a run is written by the participant of its channel and read by those it names."""
     dataflow = build_dataflow(load_scenario("warehouse_empty").scenario)
     documented = {channel.key.replace(AGENT_PLACEHOLDER, "beetle"): channel for channel in KEY_TABLE}
     for port, writer in dataflow.writer_of.items():

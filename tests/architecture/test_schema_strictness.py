@@ -79,6 +79,7 @@ def find_problems(schema: Any, place: str = "#", outer: dict[str, Any] | None = 
 @pytest.mark.parametrize("path", SCHEMAS, ids=lambda path: path.name)
 def test_a_strict_compiler_takes_a_published_schema(path: Path) -> None:
     schema = json.loads(path.read_text(encoding="utf-8"))
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     jsonschema.Draft202012Validator.check_schema(schema)
     assert list(find_problems(schema)) == []
 

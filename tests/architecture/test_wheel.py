@@ -1,14 +1,9 @@
-"""Wheels of core and extensions hold all that runs need, under unambiguous names, and a run needs no more than them."""
+"""Wheels of core and extensions hold all that runs need, under unambiguous names."""
 
-import json
-import re
 import shutil
 import subprocess
 import sys
-import venv
 import zipfile
-from email.parser import Parser
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from itertools import chain
 from pathlib import Path
 
@@ -26,8 +21,6 @@ CORE_FOLDERS = {
     "scenarios": "gslcosim_scenarios",
 }
 NOT_SHIPPED = {".pyc", ".rrd"}
-# Needs the kit alone.
-HOLDING = ROOT / "tests" / "end_to_end" / "agents" / "holding.py"
 
 
 def list_folders(name: str) -> dict[Path, str]:
@@ -115,70 +108,3 @@ def test_an_extension_is_found_by_the_name_of_its_folder():
     assert {f"{CORE}-{folder}" for folder in folders} == PROJECTS.keys() - {CORE}
     needed = list_needed(["gslcosim-archive"])
     assert {"gslcosim", "gslcosim-archive", *list_needed(["gslcosim-bench"])} == set(needed)
-
-
-def read_required(wheel: Path) -> list[Requirement]:
-    with zipfile.ZipFile(wheel) as archive:
-        (name,) = (each for each in archive.namelist() if each.endswith(".dist-info/METADATA"))
-        lines = Parser().parsestr(archive.read(name).decode()).get_all("Requires-Dist", [])
-    return [Requirement(line) for line in lines]
-
-
-def find_required(requirements: list[Requirement]) -> dict[str, Distribution]:
-    """Return the distributions of others that requirements lead to, as they are installed here."""
-    found: dict[str, Distribution] = {}
-    waiting = [(requirement, "") for requirement in requirements]
-    while waiting:
-        requirement, extra = waiting.pop()
-        if requirement.marker is not None and not requirement.marker.evaluate({"extra": extra}):
-            continue
-        name = re.sub(r"[-_.]+", "-", requirement.name).lower()
-        if name in PROJECTS or name in found:
-            continue
-        try:
-            found[name] = distribution(name)
-        except PackageNotFoundError:
-            pytest.fail(f"{name} is required and not installed")
-        following = [Requirement(line) for line in found[name].requires or ()]
-        waiting += [(each, extra) for each in following for extra in ("", *requirement.extras)]
-    return found
-
-
-def install(wheels: list[Path], folder: Path) -> Path:
-    """Install wheels into a fresh environment that has what they require, and nothing else; return its Python.
-
-    Packages of others are links to those of this environment, and no index is asked.
-    """
-    venv.create(folder, with_pip=False)
-    python = folder / "bin" / "python"
-    (site,) = folder.glob("lib/python*/site-packages")
-    required = find_required([each for wheel in wheels for each in read_required(wheel)])
-    for each in required.values():
-        root = Path(str(each.locate_file("")))
-        for top in {file.parts[0] for file in each.files or () if file.parts[0] not in ("..", "__pycache__")}:
-            if not (site / top).exists():
-                (site / top).symlink_to(root / top)
-    command = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-index", "--no-deps"]
-    subprocess.run([*command, "--no-compile", *map(str, wheels)], check=True)
-    return python
-
-
-def fly(python: Path, folder: Path, *words: str) -> dict:
-    command = [str(python), "-m", "gslcosim", "up", "tiny_room", "--in-process", "--json", "--runs-dir", str(folder)]
-    outcome = subprocess.run([*command, *words], capture_output=True, text=True, cwd=folder, check=False)
-    assert outcome.stdout, outcome.stderr
-    return json.loads(outcome.stdout)
-
-
-@pytest.mark.slow
-def test_the_wheel_of_the_core_alone_runs_as_the_checkout_does(wheels, tmp_path):
-    python = install([wheels[CORE]], tmp_path / "environment")
-    words = ("--set", f"agents[0].start.python={HOLDING}", "--set", "referee.stop.time_limit_s=3")
-    alone, here = fly(python, tmp_path, *words), fly(Path(sys.executable), tmp_path, *words)
-    assert alone["digest"] == here["digest"]
-
-
-@pytest.mark.slow
-def test_all_wheels_in_a_fresh_environment_run_as_the_checkout_does(wheels, tmp_path):
-    python = install(list(wheels.values()), tmp_path / "environment")
-    assert fly(python, tmp_path)["digest"] == fly(Path(sys.executable), tmp_path)["digest"]

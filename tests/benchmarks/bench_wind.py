@@ -1,9 +1,9 @@
 """How accurate and how fast the wind solver is: run with `make bench-wind`.
 
-The built-in solver computes in one thread, so its times are those of the processor: other work on the machine counts
-less. Only where it is timed beside pimpleFoam, which has two, the clock on the wall counts.
+The solver computes in one thread, so its times are those of the processor: other work on the machine counts less.
+bench_solvers.py times it beside pimpleFoam.
 
-`--quick` leaves out the two minutes of flow for the means, the finest vortex, the largest grid and pimpleFoam.
+`--quick` leaves out the two minutes of flow for the means, the finest vortex and the largest grid.
 """
 
 import itertools
@@ -16,12 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, solve_wind_report
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import make_model
-from gslcosim_formats.openfoam import find_installation, solve_wind_openfoam
 
 TESTS = Path(__file__).parents[1]
 ANALYTIC = TESTS / "analytic/flow"
@@ -76,31 +74,6 @@ def report_references(*, quick):
         )
 
 
-def report_speed_beside_pimplefoam():
-    try:
-        find_installation()
-    except FlowError as error:
-        say(f"no speed beside pimpleFoam: {error}")
-        return
-    foam = runpy.run_path(str(ANALYTIC / "test_pimplefoam.py"))
-    room, cell_m = np.ones((75, 75, 40), bool), 0.2
-    say("5 s of flow in the same room, in turns: the built-in solver, and pimpleFoam on two ranks (its mesh included)")
-    ours, theirs = [], []
-    for _ in range(3):
-        start = time.perf_counter()
-        wind = solve_wind_report(room, cell_m, foam["PATCHES"], end_time_s=5.0).velocity_m_s
-        middle = time.perf_counter()
-        other = solve_wind_openfoam(room, cell_m, foam["PATCHES"], end_time_s=5.0, n_ranks=2)
-        ours.append(middle - start)
-        theirs.append(time.perf_counter() - middle)
-    correlation, difference = foam["agreement"](wind, other, room)
-    say(
-        f"  {min(ours):.2f} s and {min(theirs):.1f} s: "
-        f"{min(theirs) / min(ours):.1f} times as fast (at least 8, aim 15); "
-        f"correlation {correlation:.4f}, rms difference {difference:.3f}"
-    )
-
-
 def report_cost(*, quick):
     say("Cost by size (k-epsilon)")
     say("     cells   ns/cell/step   iterations   bytes/cell")
@@ -139,8 +112,6 @@ def main():
     say(f"{os.cpu_count()} cores")
     report_closed_forms(quick=quick)
     report_references(quick=quick)
-    if not quick:
-        report_speed_beside_pimplefoam()
     report_cost(quick=quick)
 
 

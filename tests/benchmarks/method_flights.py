@@ -6,23 +6,26 @@ plume. Vehicles fly straight at 1 m/s and hold; they observe at 10 Hz, all of th
 
 import base64
 import math
+import sys
 import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "kit"))
+
+from briefings import PLUME, briefing, observation
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.contract.messages import (
-    Bounds,
     Briefing,
     CameraImage,
-    ChannelDescription,
     Command,
     KnownMap,
-    NominalPlume,
     Observation,
     RadioReception,
     Reading,
@@ -39,23 +42,14 @@ MAP_CELL_M = 0.2
 BOX_MIN_M, BOX_MAX_M = (6.6, 6.0), (8.4, 7.6)
 SOURCE_M: Place = (2.5, 7.0, 2.0)
 HEIGHT_M = 2.0
-TICK_S, TICK_NS = 0.1, 100_000_000
+TICK_S = 0.1
 SPEED_M_S, HOLD_S = 1.0, 2.0
 # A mission over many places is one decision: of what is observed on the way no more than a minute counts.
 COUNTED_TICKS = 600
-SENSOR_OF_KIND = {
-    "gas": ("pid", "mixing_ratio", "ppm"),
-    "gas_ppm": ("pid", "mixing_ratio", "ppm"),
-    "gas_ohm": ("tgs2600", "resistance", "ohm"),
-    "wind": ("anemometer", WIND_QUANTITY, "m/s, rad"),
-    "range": ("four_range_finders", RANGE_QUANTITY, "m"),
-    "camera": ("camera", CAMERA_QUANTITY, "1"),
-}
-AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
-PLUME = NominalPlume(
-    release_ppm_m3_s=1.6, puffs_per_s=10.0, initial_sigma_m=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002,
-    wind_speed_m_s=0.5,
-)  # fmt: skip
+MODEL_OF_KIND = {
+    "gas": "pid", "gas_ppm": "pid", "gas_ohm": "tgs2600", "wind": "anemometer", "range": "four_range_finders",
+    "camera": "camera",
+}  # fmt: skip
 # A grey picture of 8 x 8 pixels.
 PICTURE = CameraImage(
     encoding="png",
@@ -92,52 +86,24 @@ def robots_of(card: MethodCard) -> int:
     return min(max(5, least), most)
 
 
-def sensors_of(card: MethodCard) -> tuple[SensorDescription, ...]:
-    """Return the instruments that a method needs; several of a kind sit to the left and right of the nose."""
-    sensors: list[SensorDescription] = []
-    for kind, n in card.needs.sensors.items():
-        model, quantity, unit = SENSOR_OF_KIND[kind]
-        for i in range(n):
-            sensors.append(
-                SensorDescription(
-                    name=f"{kind}_{i}",
-                    model=model,
-                    quantity=quantity,
-                    unit=unit,
-                    mount_body_m=(0.1, 0.25 - 0.5 * i if n > 1 else 0.0, 0.0),
-                    directions_body=NumericArray.from_array(AROUND) if quantity == RANGE_QUANTITY else None,
-                )
-            )
-            if quantity == "resistance":
-                estimate = {"name": f"{kind}_{i}_ppm", "quantity": ESTIMATE_QUANTITY, "unit": "ppm"}
-                sensors.append(sensors[-1].model_copy(update=estimate))
-    return tuple(sensors)
-
-
 def briefing_of(card: MethodCard, name: str, members: tuple[str, ...], seed: int) -> Briefing:
-    """Return the briefing of a robot that has and knows all that its method needs."""
+    """Return the briefing of a robot that has and knows all that its method needs.
+
+    Several instruments of a kind sit to the left and right of the nose.
+    """
     needs = card.needs
-    channel = ChannelDescription(name="radio", members=members, range_m=None, delay_ticks=1, max_bytes=1024)
-    return Briefing(
-        tick=0,
-        agent=name,
-        contract_version=CONTRACT_VERSION,
-        mission="Find the source.",
-        tick_ns=TICK_NS,
-        seed=seed,
-        mode="on_request",
-        latency_ticks=1,
-        gas="ethanol",
-        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
-        search_height_m=HEIGHT_M,
-        hold_s=HOLD_S,
-        time_limit_s=10_000.0,
-        sensors=sensors_of(card),
-        channels=(channel,) if needs.radio else (),
+    sensors = [
+        (MODEL_OF_KIND[kind], f"{kind}_{i}", (0.1, 0.25 - 0.5 * i if n > 1 else 0.0, 0.0))
+        for kind, n in needs.sensors.items()
+        for i in range(n)
+    ]
+    return briefing(
+        sensors=sensors, name=name, seed=seed, size_m=ROOM_M, members=members if needs.radio else (), hold_s=HOLD_S,
         known_map=map_of_room(is_3d=card.dimensions == 3) if "map" in needs.knows else None,
         plume=PLUME if "plume" in needs.knows else None,
         known_sources=(SOURCE_M,) if "source" in needs.knows else (),
-    )
+        time_limit_s=10_000.0, search_height_m=HEIGHT_M,
+    )  # fmt: skip
 
 
 class Air:
@@ -255,15 +221,11 @@ class Flight:
         names = tuple(f"robot_{i}" for i in range(robots_of(card)))
         self._air = Air(seed)
         self._clock_s = clock_s()
-        self.vehicles = [
-            Vehicle(
-                name=name,
-                agent=agent_type(briefing_of(card, name, names, seed + i)),
-                sensors=sensors_of(card),
-                position_m=(12.5, 2.5 + 2.0 * i, HEIGHT_M),
-            )
-            for i, name in enumerate(names)
-        ]
+        self.vehicles = []
+        for i, name in enumerate(names):
+            told = briefing_of(card, name, names, seed + i)
+            place_m = (12.5, 2.5 + 2.0 * i, HEIGHT_M)
+            self.vehicles.append(Vehicle(name=name, agent=agent_type(told), sensors=told.sensors, position_m=place_m))
 
     def decisions_s(self, *, max_time_s: float = 5000.0) -> Iterator[tuple[float, float]]:
         """Yield the processor time of each decision with the observations since the one before it, and alone [s]."""
@@ -305,22 +267,18 @@ class Flight:
 
     def _observation(self, vehicle: Vehicle, tick: int) -> Observation:
         time_s = tick * TICK_S
-        return Observation(
-            tick=tick,
-            agent=vehicle.name,
-            time_s=time_s,
-            position_world_m=vehicle.position_m,
-            yaw_rad=0.0,
-            velocity_world_m_s=vehicle.velocity_m_s,
-            status=vehicle.status,
-            awaiting_command=vehicle.is_asked(time_s),
-            readings=tuple(self._reading(sensor, vehicle, time_s) for sensor in vehicle.sensors),
-            notice=vehicle.notice,
-            incoming=tuple(vehicle.heard),
-        )
+        return observation(
+            tick=tick, name=vehicle.name, position_m=vehicle.position_m, velocity_m_s=vehicle.velocity_m_s,
+            asked=vehicle.is_asked(time_s), notice=vehicle.notice, status=vehicle.status,
+        ).model_copy(
+            update={
+                "readings": tuple(self._reading(each, vehicle, time_s) for each in vehicle.sensors),
+                "incoming": tuple(vehicle.heard),
+            }
+        )  # fmt: skip
 
-    def _reading(self, sensor: SensorDescription, vehicle: Vehicle, time_s: float) -> Reading:
-        x_m, y_m, z_m = (a + b for a, b in zip(vehicle.position_m, sensor.mount_body_m, strict=True))
+    def _reading(self, described: SensorDescription, vehicle: Vehicle, time_s: float) -> Reading:
+        x_m, y_m, z_m = (a + b for a, b in zip(vehicle.position_m, described.mount_body_m, strict=True))
         ppm = self._air.ppm((x_m, y_m, z_m))
         values = {
             "mixing_ratio": (ppm,),
@@ -329,12 +287,12 @@ class Flight:
             WIND_QUANTITY: (0.5, self._air.upwind_rad(time_s)),
             RANGE_QUANTITY: (ROOM_M[0] - x_m, ROOM_M[1] - y_m, x_m, y_m),
             CAMERA_QUANTITY: (),
-        }[sensor.quantity]
-        is_picture = sensor.quantity == CAMERA_QUANTITY
+        }[described.quantity]
+        is_picture = described.quantity == CAMERA_QUANTITY
         return Reading(
-            sensor=sensor.name,
-            quantity=sensor.quantity,
-            unit=sensor.unit,
+            sensor=described.name,
+            quantity=described.quantity,
+            unit=described.unit,
             values=values,
             image=PICTURE if is_picture else None,
         )

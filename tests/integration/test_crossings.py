@@ -76,7 +76,6 @@ def test_complex_warehouses_are_crossed_from_nine_starts(study, seed, mode, tmp_
 
 @pytest.mark.slow
 def test_without_avoidance_the_referee_sees_collisions(study, tmp_path):
-    """What the crossings are judged by can fail: straight on, some of the nine run into racks."""
     outcomes = {crossing.outcome for crossing in study.cross(study.warehouse(3), "none", tmp_path)}
     assert "collision" in outcomes
 

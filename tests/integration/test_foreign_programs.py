@@ -67,7 +67,6 @@ def test_over_every_transport_each_step_has_its_answer(core_of, door):
 
 
 def test_it_goes_on_at_a_snapshot_where_it_was(core_of):
-    """Its past is played to a new start of it: what it counts goes on, as if it had never ended."""
     first = core_of(fault="counts", snapshots=True)
     whole = flown(first, n_ticks=6)
     later = core_of(fault="counts", snapshots=True)

@@ -110,7 +110,6 @@ def _shape(reading):
 
 
 def test_what_is_measured_is_where_the_vehicle_is(flown):
-    """At the end of its take-off every instrument agrees about height and rest, each within its own errors."""
     _, observations = flown
     last = observations[-1]
     height_m = last.reading("pose").values[2]

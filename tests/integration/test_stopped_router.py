@@ -99,7 +99,6 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
 
 
 def test_a_password_that_is_refused_is_an_error_of_a_watched_member_too(router):
-    """The router answers each time."""
     join = JoinData(
         name="world", endpoint=router[1], namespace=NAMESPACE, user="service", password="wrong", is_watched=True
     )
@@ -122,13 +121,11 @@ def test_an_answer_is_waited_for_until_the_listener_reads(folder):
 
 
 def test_nobody_who_listens_is_not_waited_for(folder):
-    """Neither where there is no socket, nor on other kinds of endpoints."""
     assert not wait_for_router(f"unixsock-stream/{folder}/absent.sock")
     assert not wait_for_router("tcp/127.0.0.1:9")
 
 
 def test_attempts_are_bounded_at_a_router_that_answers(router):
-    """Otherwise a wrong password would be tried for ever."""
     attempts = []
 
     def fail():

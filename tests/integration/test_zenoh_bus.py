@@ -80,7 +80,6 @@ def settle(router, *buses):
 
 
 def test_the_services_receive_from_each_other(net):
-    """A message reaches the router's own session and every service, with its key relative to the run."""
     router, join = net
     ours, theirs = inbox(router, "truth/*"), inbox(join("service", "s"), "truth/*")
     sender = join("service", "s")
@@ -154,19 +153,16 @@ def test_a_process_of_several_agents_reaches_the_keys_of_each_and_no_others(net)
 
 
 def test_a_wrong_password_is_refused_with_a_reason(net):
-    """The error says what to look at."""
     _, join = net
     with pytest.raises(SimulationFault, match="user 'agent_a' and its password were refused"):
         join("agent_a", "guessed")
 
 
 def test_the_passwords_are_not_left_on_disk(net, tmp_path):
-    """Once the router has read its accounts the file is gone."""
     assert list(tmp_path.glob("accounts*")) == []
 
 
 def test_the_end_of_a_member_is_seen(net):
-    """Its token vanishes, and those who listen for it learn that the router has gone."""
     router, join = net
     states = queue.Queue()
     router.watch_alive("alive/*", lambda key, is_alive: states.put((key, is_alive)))
@@ -200,7 +196,6 @@ def test_all_answers_to_one_question_come(net):
 
 
 def test_who_asks_after_the_session_was_closed_receives_nothing(net):
-    """Whoever looks at a run does so from a thread of its own, and may come too late."""
     _, join = net
     asker = join("service", "s")
     asker.close()

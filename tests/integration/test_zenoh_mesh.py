@@ -60,7 +60,6 @@ def seen(bus: ZenohBus, key: str) -> threading.Event:
 
 
 def test_each_message_comes_once_from_peers_and_from_the_router(net):
-    """Neither way doubles what the other brings."""
     a, b = net.join("a"), net.join("b", "a")
     mailbox = b.mailbox(BUNDLES_FOR_B)
     there, at_router = seen(a, "alive/b"), seen(net.router, "alive/b")
@@ -77,7 +76,6 @@ def test_each_message_comes_once_from_peers_and_from_the_router(net):
 
 
 def test_services_that_start_in_any_order_find_each_other(net):
-    """A service calls those that are not there yet until they are."""
     late = net.join("b", "a")
     there = seen(late, "alive/a")
     early = net.join("a")
@@ -97,7 +95,6 @@ def test_an_agent_is_not_let_in(net):
 
 
 def test_who_waits_is_woken_by_what_other_threads_put(net):
-    """Without a message on the channel, and where it has said that it waits before or after."""
     mailbox = net.join("b").mailbox(BUNDLES_FOR_B)
     mailbox.put("first", b"1")
     assert mailbox.get(EVENT_S) == ("first", b"1")
@@ -110,7 +107,6 @@ def test_who_waits_is_woken_by_what_other_threads_put(net):
 
 @pytest.mark.parametrize("timeout_s", [0.01, 0.12])
 def test_a_wait_ends(net, timeout_s):
-    """Short and long ones, by polling and by a thread that looks."""
     mailbox = net.join("b").mailbox(BUNDLES_FOR_B)
     with pytest.raises(queue.Empty):
         mailbox.get(timeout_s)

@@ -76,7 +76,6 @@ def test_what_one_process_has_compiled_the_next_one_loads(cached):
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
 def test_a_planted_file_is_not_loaded_and_its_kernel_is_compiled_again(cached, tmp_path, ending):
-    """Nor is one that carries the signature of what stood there before."""
     path = files_in(tmp_path / "cache", ending)["program.twice"]
     mark = tmp_path / "loaded"
     for signature in (b"", path.read_bytes()[-32:]):

@@ -43,7 +43,6 @@ def noisy_spec(model):
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("n_gases", [0, 1, 3])
 def test_instruments_are_the_same_compiled_to_the_bit(kind, n_gases):
-    """Values, state, saturation and stream, over random gas and wind, with none at all between them."""
     kernel = kind.kernel(noisy_spec(kind.name), GASES[:n_gases], 0.1)
     rng, plain_stream, bits = np.random.default_rng(3), stream(7, "sensing.a.s"), np.zeros(4, np.uint64)
     seed_inplace(bits, 7, np.frombuffer(b"sensing.a.s", np.uint8))

@@ -74,7 +74,6 @@ def test_what_was_unused_for_longest_goes_first_and_no_more_than_needed():
 
 
 def test_what_is_in_use_and_what_nobody_makes_again_by_itself_stays():
-    """Both count."""
     entries = [
         entry("used", unused_days=9, is_in_use=True), entry("built", kind="program", unused_days=8),
         entry("tape", unused_days=1), entry("room", kind="room"),
@@ -131,7 +130,6 @@ sys.stdin.read()
 @pytest.mark.skipif(sys.platform == "win32", reason="files are locked otherwise there")
 @pytest.mark.parametrize("forked", [(), ("forked",)], ids=["itself", "fork"])
 def test_what_a_process_uses_stays_until_it_and_its_forks_have_ended(cache, forked):
-    """Marking it also says that it was used now."""
     root, add = cache
     used, other = add(f"tapes/{HASH}", 1, 9), add(f"environments/{HASH}", 1, 9)
     command = [sys.executable, "-c", USER, str(used), *forked]

@@ -27,7 +27,6 @@ def test_a_replaced_file_is_new_and_nothing_is_left_beside_it(tmp_path):
 
 @needs_links
 def test_what_cannot_be_replaced_stays_as_it_was(tmp_path):
-    """A folder cannot be replaced by a file; the part that was written is taken away."""
     (tmp_path / "result.json").mkdir()
     with pytest.raises(OSError, match="directory"):
         replace_file(tmp_path, "result.json", b"new")

@@ -31,7 +31,6 @@ def test_every_figure_of_a_gas_has_a_source():
 
 
 def test_one_entry_adds_a_gas_to_scenarios_sensors_and_lists(monkeypatch, capsys):
-    """As docs/small-tasks.md says."""
     xenon = Gas(specific_gravity=4.5, mox={"tgs2600": (0.5, -0.3)}, sources={"specific_gravity": "", "mox": ""})
     monkeypatch.setitem(GASES, "xenon", xenon)
     loaded = load_scenario("tiny_room", overrides=["gas.gas=xenon"])

@@ -25,47 +25,26 @@ def nested(depth: int) -> bytes:
 
 MUST_REJECT = {
     "nan": (packed(**WAYPOINT | {"position_world_m": [1.0, float("nan"), 3.0]}), "position_world_m.1"),
-    "infinity": (packed(**WAYPOINT | {"hold_s": float("inf")}), "hold_s"),
     "float_tick": (packed(**WAYPOINT | {"tick": 3.0}), "tick: input should be a valid integer, was 3.0"),
-    "text_tick": (packed(**WAYPOINT | {"tick": "3"}), "tick: input should be a valid integer, was '3'"),
-    "boolean_tick": (packed(**WAYPOINT | {"tick": True}), "tick: input should be a valid integer, was True"),
-    "negative_tick": (packed(**WAYPOINT | {"tick": -1}), "tick: input should be greater than or equal to 0, was -1"),
     "huge_tick": (packed(**WAYPOINT | {"tick": 2**53 + 1}), "tick: input should be less than or equal"),
-    "missing_tick": (packed(kind="noop"), "tick: field required"),
     "missing_kind": (packed(tick=3), "kind: field required"),
     "unknown_kind": (packed(tick=3, kind="jump"), "kind: input should be 'waypoint', 'hold'"),
     "waypoint_without_place": (packed(tick=3, kind="waypoint"), "a waypoint command needs position_world_m"),
-    "declaration_without_place": (packed(tick=3, kind="declare_source"), "needs declaration"),
     "two_coordinates": (packed(**WAYPOINT | {"position_world_m": [1.0, 2.0]}), "position_world_m.2: field required"),
-    "four_coordinates": (packed(**WAYPOINT | {"position_world_m": [1.0, 2.0, 3.0, 4.0]}), "position_world_m"),
     "text_coordinate": (packed(**WAYPOINT | {"position_world_m": [1.0, "2", 3.0]}), "position_world_m.1"),
-    "confidence_above_one": (
-        packed(tick=3, kind="declare_source", declaration={"position_world_m": [1.0, 2.0, 3.0], "confidence": 1.5}),
-        "declaration.confidence",
-    ),
     "long_reason": (packed(tick=3, kind="noop", reason="x" * 501), "reason: string should have at most 500"),
-    "hold_for_ever": (packed(tick=3, kind="hold", hold_s=1e9), "hold_s: input should be less than or equal to 3600"),
     "array": (msgpack.packb([1, 2, 3]), "expected a msgpack map, was tuple"),
-    "number": (msgpack.packb(7), "expected a msgpack map, was int"),
-    "nil": (msgpack.packb(None), "expected a msgpack map, was NoneType"),
     "nothing": (b"", "expected a msgpack map, was 0 bytes"),
-    "json": (b'{"tick": 3, "kind": "noop"}', "expected a msgpack map"),
     "trailing_bytes": (packed(tick=3, kind="noop") + b"\x00", "expected a msgpack map"),
-    "two_messages": (packed(tick=3, kind="noop") * 2, "expected a msgpack map"),
-    "integer_keys": (msgpack.packb({1: 2}), "expected a msgpack map"),
     "bytes_keys": (msgpack.packb({b"tick": 3, b"kind": "noop"}), "field required"),
     "not_utf_8": (b"\x82\xa4tick\x03\xa4kind\xa4\xff\xfe\xfd\xfc", "expected a msgpack map"),
-    "reserved_byte": (b"\xc1", "expected a msgpack map"),
     "length_beyond_the_end": (b"\xdf\xff\xff\xff\xff", "expected a msgpack map"),
     "deep_nesting": (nested(100_000), "expected a msgpack map"),
 }
 
 
 # What a reader that trusts its writer does not look at.
-BEYOND_LIMITS = {
-    "nan", "infinity", "negative_tick", "huge_tick", "waypoint_without_place", "declaration_without_place",
-    "confidence_above_one", "long_reason", "hold_for_ever",
-}  # fmt: skip
+BEYOND_LIMITS = {"nan", "huge_tick", "waypoint_without_place", "long_reason"}
 
 
 def twice(*pairs) -> bytes:

@@ -22,9 +22,5 @@ def nested(depth):
 def test_a_nested_value_is_refused_with_a_reason(depth):
     with pytest.raises(ContractError, match="Command: "):
         codec.decode(Command, nested(depth))
-
-
-@pytest.mark.parametrize("depth", DEPTHS)
-def test_the_validator_and_the_kit_outlive_it(depth):
     assert CommandValidator("agent").on_answer(nested(depth)) == []
     assert read_answer(nested(depth)).problem is not None

@@ -17,7 +17,6 @@ def spec(name, reads=(), writes=()):
 
 
 def test_a_cycle_without_delay_is_refused_with_its_path():
-    """Two participants that wait for each other in one tick are named."""
     a = spec("a", [Read(port="y")], [Write(port="x", message_type=BodyPoses)])
     b = spec("b", [Read(port="x")], [Write(port="y", message_type=Score)])
     with pytest.raises(DataflowError, match=r"a → b → a|b → a → b"):
@@ -25,20 +24,17 @@ def test_a_cycle_without_delay_is_refused_with_its_path():
 
 
 def test_a_cycle_with_a_delay_is_accepted():
-    """One delayed read breaks the cycle."""
     a = spec("a", [Read(port="y", delay_ticks=1)], [Write(port="x", message_type=BodyPoses)])
     b = spec("b", [Read(port="x")], [Write(port="y", message_type=Score)])
     assert Dataflow((a, b)).order == ("a", "b")
 
 
 def test_reading_its_own_output_needs_a_delay():
-    """A participant cannot wait for what it is about to write."""
     with pytest.raises(DataflowError, match="its own x"):
         Dataflow((spec("a", [Read(port="x")], [Write(port="x", message_type=BodyPoses)]),))
 
 
 def test_a_port_has_exactly_one_writer():
-    """No writer and two writers are both named."""
     write = Write(port="x", message_type=BodyPoses)
     with pytest.raises(DataflowError, match="expected one writer, found a and b"):
         Dataflow((spec("a", writes=[write]), spec("b", writes=[write])))
@@ -47,7 +43,6 @@ def test_a_port_has_exactly_one_writer():
 
 
 def test_an_announced_port_needs_its_announcement():
-    """Who reads commands must read what announces them, with no more delay."""
     cores = toy_cores()
     blind = spec("blind", [Read(port=COMMAND)])
     late = spec("late", [Read(port=COMMAND), Read(port=keys.BODIES, delay_ticks=1)])
@@ -57,6 +52,5 @@ def test_an_announced_port_needs_its_announcement():
 
 
 def test_the_graph_of_a_run_is_as_recorded():
-    """The order of a tick and every read and write are those of the golden text."""
     golden = Path(__file__).parents[2] / "golden" / "toy_dataflow.txt"
     assert toy_dataflow().describe() == golden.read_text()

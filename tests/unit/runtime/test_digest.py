@@ -20,19 +20,16 @@ def run(*, n_ticks=10, final_tick=8, changed=None):
 
 
 def test_what_was_computed_past_the_verdict_does_not_count():
-    """A run that had run ahead further has the same digest."""
     assert run(n_ticks=10).hex == run(n_ticks=60).hex
     assert run(changed={"truth/bodies": 9}).hex == run().hex
 
 
 def test_any_difference_before_the_verdict_counts():
-    """One message, or the tick of the end, changes the digest."""
     assert run(changed={"truth/bodies": 8}).hex != run().hex
     assert run(final_tick=7).hex != run().hex
 
 
 def test_the_first_divergence_is_the_earliest_and_most_upstream():
-    """Of two ports that differ from the same tick on, the cause is named, not its consequence."""
     found = find_first_divergence(run(), run(changed={"referee/score": 4, "truth/bodies": 4}))
     assert (found.tick, found.participant, found.port) == (4, "world", "truth/bodies")
     found = find_first_divergence(run(), run(changed={"referee/score": 2, "truth/bodies": 4}))
@@ -46,12 +43,10 @@ def test_an_agent_is_upstream_of_the_referee_that_judges_it():
 
 
 def test_a_longer_run_diverges_where_the_other_ends():
-    """The tick is that of the first message that only one run has."""
     assert find_first_divergence(run(final_tick=8), run(final_tick=5)).tick == 6
 
 
 def test_a_saved_digest_loads_equal(tmp_path):
-    """What is written is what is read."""
     run().save(tmp_path / "digest.json")
     assert RunDigest.load(tmp_path / "digest.json") == run()
 
@@ -72,7 +67,6 @@ DAMAGED = {
 
 @pytest.mark.parametrize(("content", "expected"), DAMAGED.items())
 def test_a_file_that_is_no_digest_is_refused(tmp_path, content, expected):
-    """The error names the file and what was expected."""
     path = tmp_path / "digest.json"
     path.write_text(content)
     with pytest.raises(UsageError, match=re.escape(expected)):

@@ -21,7 +21,6 @@ def open_gate(name):
 
 
 def test_a_reader_waits_for_every_tick_of_a_port():
-    """A later message does not stand in for the one that is due."""
     gate = open_gate("fields")
     gate.deliver(keys.BODIES, poses(1))
     assert gate.missing() == [MissingInput(keys.BODIES, 0)]
@@ -32,7 +31,6 @@ def test_a_reader_waits_for_every_tick_of_a_port():
 
 
 def test_the_world_waits_for_a_command_only_where_it_asked():
-    """A command is due one tick after its own announcement, and at no other tick."""
     gate = open_gate("world")
     for tick, awaiting in enumerate([False, True, False]):
         assert gate.can_step() == (tick != 2)
@@ -45,7 +43,6 @@ def test_the_world_waits_for_a_command_only_where_it_asked():
 
 
 def test_a_closed_port_is_waited_for_no_more():
-    """After `failed` an announced command is not due."""
     gate = open_gate("referee")
     samples = ToyFields(toy_cores()["fields"].spec)
     gate.deliver(COMMAND, Command(tick=0, kind="failed", reason="gone"))
@@ -58,7 +55,6 @@ def test_a_closed_port_is_waited_for_no_more():
 
 
 def test_the_past_and_the_known_are_ignored():
-    """A repetition is not new, before and after it was used."""
     gate = open_gate("fields")
     assert gate.deliver(keys.BODIES, poses(0))
     assert not gate.deliver(keys.BODIES, poses(0))
@@ -68,7 +64,6 @@ def test_the_past_and_the_known_are_ignored():
 
 
 def test_a_writer_stops_at_the_end_of_its_credit():
-    """The window of the slowest reader bounds how far a writer runs ahead."""
     gate = Gate(toy_dataflow(), "world")
     for reader in ("fields", "sensing", "referee", "recorder", "agent_beetle"):
         gate.grant(reader, 10 if reader == "fields" else 10_000)
@@ -82,7 +77,6 @@ def test_a_writer_stops_at_the_end_of_its_credit():
 
 
 def test_nothing_is_stepped_after_the_final_tick():
-    """The verdict's tick is the last."""
     gate = open_gate("world")
     gate.final_tick = 0
     gate.take()

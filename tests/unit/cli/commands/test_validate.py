@@ -206,27 +206,6 @@ def test_a_suite_tells_what_is_wrong_in_all_cases_at_once(capsys, tmp_path, comm
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("command", [["validate"], ["bench", "plan"], ["bench", "run"]])
-@pytest.mark.parametrize("rest", ["", "entries: []\nanchors: []\n", "include: [smoke]\n"])
-def test_a_suite_without_entries_is_refused(capsys, tmp_path, command, rest):
-    """Whatever anchors it has, and what it includes beside scenarios of its own."""
-    path = tmp_path / "suite.yaml"
-    path.write_text(f"schema: gslcosim/suite/1\nname: s\nscenarios: [tiny_room]\n{rest}")
-    assert main([*command, str(path)]) == 2
-    (problem,) = (line for line in capsys.readouterr().err.splitlines() if "entries" in line)
-    assert problem.endswith(
-        "entries: expected at least one entry, was none. For example entries: [{name: dung_beetle, start: {python: "
-        "dung_beetle}}]."
-    )
-
-
-def test_a_suite_that_only_includes_others_takes_their_entries(capsys, tmp_path):
-    path = tmp_path / "suite.yaml"
-    path.write_text("schema: gslcosim/suite/1\nname: s\ninclude: [smoke]\n")
-    assert main(["validate", str(path)]) == 0
-    assert "dung_beetle" in capsys.readouterr().out
-
-
 CARD = """schema: gslcosim/method/1
 title: X
 family: reactiv

@@ -25,7 +25,6 @@ def waypoint(tick):
 
 
 def test_a_valid_answer_passes_unchanged():
-    """The command that was asked for goes through, without a fault."""
     validator = CommandValidator("beetle")
     assert validator.on_observation(observation(5)) == []
     assert validator.on_answer(codec.encode(waypoint(5))) == [waypoint(5)]
@@ -52,7 +51,6 @@ BAD_ANSWERS = {
 
 @pytest.mark.parametrize("name", BAD_ANSWERS)
 def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
-    """The vehicle holds, the run goes on, and the fault says what was expected."""
     payload, expected = BAD_ANSWERS[name]
     validator = CommandValidator("beetle")
     validator.on_observation(observation(5))
@@ -63,7 +61,6 @@ def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
 
 
 def test_a_repeated_answer_is_ignored_without_a_fault():
-    """After a lost message an agent repeats itself; that is not wrong."""
     validator = CommandValidator("beetle")
     validator.on_observation(observation(5))
     validator.on_answer(codec.encode(waypoint(5)))
@@ -75,7 +72,6 @@ def test_a_repeated_answer_is_ignored_without_a_fault():
 
 
 def test_a_flood_is_counted_not_kept():
-    """Memory stays bounded however much an agent sends."""
     validator = CommandValidator("beetle")
     validator.on_observation(observation(5, awaiting=False))
     for tick in range(1000):
@@ -85,7 +81,6 @@ def test_a_flood_is_counted_not_kept():
 
 
 def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
-    """`failed` passes at the pending tick, or at the next one, and nothing after it."""
     validator = CommandValidator("beetle")
     assert validator.on_lost("was killed") == []
     (command,) = validator.on_observation(observation(5))
@@ -98,7 +93,6 @@ def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
 
 
 def test_in_latency_mode_several_answers_may_be_open():
-    """Later observations come before earlier answers; each answer finds its own."""
     validator = CommandValidator("beetle", may_overlap=True)
     for tick in range(3):
         validator.on_observation(observation(tick))
@@ -112,7 +106,6 @@ def test_in_latency_mode_several_answers_may_be_open():
 @settings(deadline=None)
 @given(st.lists(st.one_of(st.binary(max_size=40), st.integers(0, 12)), max_size=30))
 def test_one_command_for_each_question(events):
-    """For any mixture of garbage, repeated, early and right answers, no tick is answered twice, none unasked."""
     validator = CommandValidator("beetle")
     passed = []
     tick = 0

@@ -65,7 +65,6 @@ def _run_quietly(host):
 
 @pytest.mark.slow
 def test_lost_messages_are_asked_for_again_and_change_nothing():
-    """With 15 % of all bundles lost the digest is that of a run without loss, and the resends are counted."""
     clean, reports, _ = fly(InMemoryHub(), toy_cores())
     assert sum(report.timing["n_resends"] for report in reports.values()) == 0
     hub = InMemoryHub(loss_frac=0.15, seed=3)
@@ -121,7 +120,6 @@ def test_a_core_works_ahead_where_it_would_wait_and_then_waits():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_whatever_shares_a_process_the_digest_is_the_same(seed):
-    """Random groups, some with a bus that loses messages, have the digest of separate participants."""
     alone, _, _ = fly(InMemoryHub(), toy_cores())
     rng = np.random.default_rng(seed)
     names = list(toy_cores())
@@ -137,8 +135,6 @@ def test_whatever_shares_a_process_the_digest_is_the_same(seed):
 
 @pytest.mark.parametrize("is_one_group", [False, True])
 def test_a_core_that_fails_is_named(is_one_group):
-    """The supervisor learns who failed, at which tick and how."""
-
     class Broken(ToyFields):
         def step(self, tick, inbox):
             if tick == 5:
@@ -153,8 +149,6 @@ def test_a_core_that_fails_is_named(is_one_group):
 
 
 def test_a_core_that_breaks_its_declaration_is_named():
-    """A message too many is an error of the core, not of its readers."""
-
     class Chatty(ToyAgent):
         def step(self, tick, inbox):
             return {**super().step(tick, inbox), keys.BODIES: None}

@@ -158,37 +158,15 @@ def test_all_that_is_kept_comes_back_without_a_call(state):
 
 
 NAMES = (
-    "os:system",
-    "builtins:eval",
-    "builtins:exec",
-    "posix:system",
-    "subprocess:Popen",
-    "importlib:import_module",
-    "gslcosim.base.spawn:os.system",
-    "gslcosim.base.spawn:os",
-    "gslcosim.base.spawn:spawn",
-    "gslcosim.runtime.replay.object_state:importlib.import_module",
-    "gslcosim.base.files:shutil.rmtree",
-    "numpy:load",
-    "numpy:fromfile",
-    "numpy:object_",
-    "numpy:void",
-    "gslcosim.__main__:main",
-    "gslcosim:nothing",
-    "gslcosim.base.errors:GslCosimError.__init__",
-    "gslcosim.base.errors:GslCosimError.__class__",
-    "",
-    ":",
-    "gslcosim",
-    "gslcosim.base.files:Path",
-    "gslcosim.contract.messages:Any",
-    "gslcosim.base.files:ScratchFolder.close",
-    f"{Core.__module__}:os.system",
-    f"{Core.__module__}:subprocess.Popen",
-    f"{Core.__module__}:Leaf.work",
-    f"{Core.__module__}:CALLS.append",
-    f"{Core.__module__}:np.load",
-)
+    "os:system", "builtins:eval", "builtins:exec", "posix:system", "subprocess:Popen", "importlib:import_module",
+    "gslcosim.base.spawn:os.system", "gslcosim.base.spawn:os", "gslcosim.base.spawn:spawn",
+    "gslcosim.runtime.replay.object_state:importlib.import_module", "gslcosim.base.files:shutil.rmtree", "numpy:load",
+    "numpy:fromfile", "numpy:object_", "numpy:void", "gslcosim.__main__:main", "gslcosim:nothing",
+    "gslcosim.base.errors:GslCosimError.__init__", "gslcosim.base.errors:GslCosimError.__class__", "", ":", "gslcosim",
+    "gslcosim.base.files:Path", "gslcosim.contract.messages:Any", "gslcosim.base.files:ScratchFolder.close",
+    f"{Core.__module__}:os.system", f"{Core.__module__}:subprocess.Popen", f"{Core.__module__}:Leaf.work",
+    f"{Core.__module__}:CALLS.append", f"{Core.__module__}:np.load",
+)  # fmt: skip
 
 
 def build_nodes(name):
@@ -233,37 +211,14 @@ def test_no_module_is_imported_because_a_state_names_it(state, name):
 
 
 REFERENCES = (
-    ["n", -1],
-    ["n", 10**6],
-    ["n", "0"],
-    ["n", None],
-    ["n", 0.5],
-    ["k", ".nowhere"],
-    ["k", []],
-    ["i", "no"],
-    ["i", 5],
-    ["s", "O", b"\0" * 8],
-    ["s", "|O", b"\0" * 8],
-    ["s", "<f8", b""],
-    ["s", "<f8", b"12"],
-    ["s", "nothing", b"12"],
-    ["e", f"{Core.__module__}:Colour", "BLUE"],
-    ["e", f"{Core.__module__}:Colour", "__class__"],
-    ["m", ["k", ".leaf"], "asked"],
-    ["m", ["k", ".leaf"], "__class__"],
-    ["m", ["k", ".leaf"], "nothing"],
-    ["m", ["k", ".leaf"], "n"],
-    ["m", ["k", ".table"], "clear"],
-    ["m", ["f", "builtins:dict"], "fromkeys"],
-    ["m", ["f", f"{Core.__module__}:Leaf"], "work"],
-    ["m", 5, "bit_length"],
-    ["t"],
-    ["t", 5],
-    [],
-    ["z", 1],
-    {"k": "list"},
-    ["t", [["t", [{"a": 1}]]]],
-)
+    ["n", -1], ["n", 10**6], ["n", "0"], ["n", None], ["n", 0.5], ["k", ".nowhere"], ["k", []], ["i", "no"], ["i", 5],
+    ["s", "O", b"\0" * 8], ["s", "|O", b"\0" * 8], ["s", "<f8", b""], ["s", "<f8", b"12"], ["s", "nothing", b"12"],
+    ["e", f"{Core.__module__}:Colour", "BLUE"], ["e", f"{Core.__module__}:Colour", "__class__"],
+    ["m", ["k", ".leaf"], "asked"], ["m", ["k", ".leaf"], "__class__"], ["m", ["k", ".leaf"], "nothing"],
+    ["m", ["k", ".leaf"], "n"], ["m", ["k", ".table"], "clear"], ["m", ["f", "builtins:dict"], "fromkeys"],
+    ["m", ["f", f"{Core.__module__}:Leaf"], "work"], ["m", 5, "bit_length"], ["t"], ["t", 5], [], ["z", 1],
+    {"k": "list"}, ["t", [["t", [{"a": 1}]]]],
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("reference", REFERENCES, ids=str)
@@ -354,17 +309,8 @@ def test_a_state_of_another_shape_is_refused(nodes):
 def mutate(value, random_):
     """Return a value with one part of it replaced by something else."""
     strange = (
-        None,
-        -1,
-        1 << 62,
-        0.5,
-        "os:system",
-        b"\xff",
-        [],
-        ["f", "os:system"],
-        ["n", 3],
-        {"k": "o", "t": "os:system"},
-    )
+        None, -1, 1 << 62, 0.5, "os:system", b"\xff", [], ["f", "os:system"], ["n", 3], {"k": "o", "t": "os:system"},
+    )  # fmt: skip
     value = copy.deepcopy(value)
     at = value
     while True:
