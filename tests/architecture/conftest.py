@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -42,3 +43,16 @@ def gslcosim_with() -> Callable[[Path, list[str], Path], subprocess.CompletedPro
         return subprocess.run(call, capture_output=True, text=True, cwd=folder, env=environment, check=False)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def find_words() -> Callable[[str], list[str]]:
+    """Return the words behind `gslcosim` in the one command that a page shows."""
+
+    def find(page: str) -> list[str]:
+        (command,) = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+        program, *words = shlex.split(command)
+        assert program == "gslcosim"
+        return words
+
+    return find

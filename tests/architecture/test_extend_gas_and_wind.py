@@ -1,8 +1,6 @@
 """docs/extend/gas_model.md and wind_solver.md: every step is carried out, on a copy."""
 
 import json
-import re
-import shlex
 from pathlib import Path
 
 import pytest
@@ -23,10 +21,8 @@ def packages(lay_out_package, tmp_path_factory):
     ("part", "resolved"),
     [("gas", {"model": "mixed", "air_changes_per_s": 0.01}), ("wind", {"solver": "swirl", "turn_rad_s": 0.2})],
 )
-def test_what_a_package_brings_runs_with_its_settings(packages, gslcosim_with, tmp_path, part, resolved):
-    (command,) = re.findall(r"```sh\n(.*?)```", PAGES[part], re.DOTALL)
-    program, *words = shlex.split(command)
-    assert program == "gslcosim"
+def test_what_a_package_brings_runs_with_its_settings(packages, gslcosim_with, tmp_path, part, resolved, find_words):
+    words = find_words(PAGES[part])
     done = gslcosim_with(packages[part], [*words, *SHORT], tmp_path)
     assert done.returncode in (0, 1, 4), done.stdout + done.stderr
     (file,) = tmp_path.glob("runs/*/scenario.yaml")

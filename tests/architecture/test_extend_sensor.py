@@ -2,8 +2,6 @@
 
 import json
 import os
-import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -20,12 +18,10 @@ def package(lay_out_package, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_sensor_is_listed_and_runs(package, gslcosim_with, tmp_path):
+def test_the_sensor_is_listed_and_runs(package, gslcosim_with, tmp_path, find_words):
     listed = json.loads(gslcosim_with(package, ["list", "sensors", "--json"], tmp_path).stdout)["sensors"]
     assert "clicks" in [row["name"] for row in listed]
-    (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
-    program, *words = shlex.split(command)
-    assert program == "gslcosim"
+    words = find_words(PAGE)
     short = ["--set", "referee.stop.time_limit_s=20", "--set", "recording.enabled=false", "--in-process"]
     done = gslcosim_with(package, [*words, *short], tmp_path)
     assert done.returncode in (0, 1), done.stdout + done.stderr

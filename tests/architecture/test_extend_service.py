@@ -2,8 +2,6 @@
 
 import base64
 import json
-import re
-import shlex
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,11 @@ def package(lay_out_package, tmp_path_factory):
     return lay_out_package(PAGE, tmp_path_factory.mktemp("ventilation"))
 
 
+@pytest.fixture
+def words(find_words):
+    return find_words(PAGE)
+
+
 def flown(words, package, gslcosim_with, folder):
     folder.mkdir()
     # Gas is about from the start, and the search is not over before it is met.
@@ -30,10 +33,10 @@ def flown(words, package, gslcosim_with, folder):
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
-def test_a_service_of_a_package_runs_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
-    (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
-    program, *words = shlex.split(command)
-    assert program == "gslcosim"
+def test_a_service_of_a_package_runs_in_one_process_and_in_many_with_one_digest(
+    package, gslcosim_with, tmp_path, find_words
+):
+    words = find_words(PAGE)
     alone = flown([*words, "--in-process"], package, gslcosim_with, tmp_path / "alone")
     many = flown(words, package, gslcosim_with, tmp_path / "many")
     assert alone["ports"]["ventilation/state"]["participant"] == "ventilation"
@@ -49,9 +52,10 @@ def first_difference(a, b, port):
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
-def test_wind_and_gas_react_a_tick_after_gas_was_met_and_the_recording_shows_it(package, gslcosim_with, tmp_path):
-    (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
-    _, *words = shlex.split(command)
+def test_wind_and_gas_react_a_tick_after_gas_was_met_and_the_recording_shows_it(
+    package, gslcosim_with, tmp_path, find_words
+):
+    words = find_words(PAGE)
     driven = flown([*words, "--in-process"], package, gslcosim_with, tmp_path / "driven")
     calm = flown(["up", "tiny_room", "--in-process"], package, gslcosim_with, tmp_path / "calm")
     (recording,) = (tmp_path / "driven").glob("runs/*/recording.rrd")

@@ -66,6 +66,23 @@ def open_route(sender, key, *inboxes):
                 assert time.monotonic() < deadline_s, f"no route for {key} within {EVENT_S} s"
 
 
+def ask_until_answered(key, n_answers, *askers):
+    """Ask until the last of these has so many answers at once: the route is there after a moment.
+
+    Returns:
+        The answers of the last one, and the queues of all.
+    """
+    queues = [queue.Queue() for _ in askers]
+    for _ in range(50):
+        for asker, answers in zip(askers, queues, strict=True):
+            asker.ask(key, b"", lambda _, payload, answers=answers: answers.put(payload))
+        try:
+            return [queues[-1].get(timeout=0.2) for _ in range(n_answers)], queues
+        except queue.Empty:
+            continue
+    pytest.fail(f"fewer than {n_answers} answers to {key}")
+
+
 def list_keys(found):
     """Return the keys of what has come so far, without the namespace."""
     samples = [found.get_nowait() for _ in range(found.qsize())]
@@ -182,16 +199,7 @@ def test_all_answers_to_one_question_come(net):
     _, join = net
     writer, reader = join("service", "s"), join("service", "s")
     writer.answer("rpc/world/resend", lambda question: [bytes([n]) for n in range(5)])
-    answers = queue.Queue()
-    for _ in range(50):  # until the route is there
-        reader.ask("rpc/world/resend", b"", lambda _, payload: answers.put(payload))
-        try:
-            came = [answers.get(timeout=0.2) for _ in range(5)]
-            break
-        except queue.Empty:
-            continue
-    else:
-        pytest.fail("the reader has heard nothing, or too little")
+    came, _ = ask_until_answered("rpc/world/resend", 5, reader)
     assert sorted(came) == [bytes([n]) for n in range(5)]
 
 
@@ -209,17 +217,8 @@ def test_what_the_routers_own_session_answers_is_for_services_alone(net):
     router, join = net
     service, agent = join("service", "s"), join("agent_a", "of a")
     router.answer("rpc/run/offer", lambda question: [b"the scenario"])
-    of_agent, of_service = queue.Queue(), queue.Queue()
-    for _ in range(50):  # until the route is there
-        agent.ask("rpc/run/offer", b"", lambda _, payload: of_agent.put(payload))
-        service.ask("rpc/run/offer", b"", lambda _, payload: of_service.put(payload))
-        try:
-            assert of_service.get(timeout=0.2) == b"the scenario"
-            break
-        except queue.Empty:
-            continue
-    else:
-        pytest.fail("the service has heard nothing")
+    came, (of_agent, _) = ask_until_answered("rpc/run/offer", 1, agent, service)
+    assert came == [b"the scenario"]
     settle(router, agent)
     agent.ask("rpc/run/offer", b"", lambda _, payload: of_agent.put(payload))
     settle(router, agent)

@@ -63,7 +63,6 @@ def copy_checkout(folder: Path, *, without: Iterable[str]) -> None:
 def install_into(folder: Path, project: Path) -> None:
     """Install a project without what it needs, with the tools of this environment."""
     words = [
-        "install",
         "--quiet",
         "--no-deps",
         "--no-build-isolation",
@@ -71,16 +70,7 @@ def install_into(folder: Path, project: Path) -> None:
         "--no-compile",
         "--disable-pip-version-check",
     ]
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        *words,
-        "--disable-pip-version-check",
-        "--target",
-        str(folder),
-        str(project),
-    ]
+    command = [sys.executable, "-m", "pip", "install", *words, "--target", str(folder), str(project)]
     outcome = subprocess.run(command, capture_output=True, text=True, check=False)
     assert outcome.returncode == 0, outcome.stdout + outcome.stderr
 

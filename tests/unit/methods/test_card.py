@@ -1,7 +1,6 @@
 import pytest
 import yaml
 
-from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
 from gslcosim.methods.card import find_card_beside, find_unmet_needs, load_card
 from gslcosim_services.sensing.models import sensor_kind
@@ -131,13 +130,6 @@ def test_what_is_no_yaml_is_refused(tmp_path):
 
 def test_a_program_without_a_card_has_none(tmp_path):
     assert find_card_beside(tmp_path / "agent.py") is None
-
-
-@pytest.mark.parametrize("name", sorted(bundled_agents()))
-def test_every_bundled_agent_has_a_right_card(name):
-    card = find_card_beside(bundled_agents()[name])
-    assert card is not None
-    assert card.title
 
 
 def test_a_card_has_its_own_parameters_first_then_included_ones_that_it_does_not_replace(card):

@@ -1,6 +1,6 @@
 """Small cores with the shape of a real run, for tests of the runtime."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,69 +117,45 @@ class ToyAgent(ToyCore):
         return {COMMAND: Command(tick=tick, kind="waypoint", position_world_m=(self.state % 10.0, 0.0, 0.0))}
 
 
-def toy_cores() -> dict[str, ToyCore]:
-    """Return the cores of a run with one agent that is asked every seventh tick."""
-    return {
-        "world": ToyWorld(
-            ParticipantSpec(
-                name="world",
-                reads=(Read(port=COMMAND, delay_ticks=1),),
-                writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
-            )
-        ),
-        "fields": ToyFields(
-            ParticipantSpec(
-                name="fields",
-                reads=(Read(port=keys.BODIES),),
-                writes=(
-                    Write(port=keys.SAMPLES, message_type=FieldSamples),
-                    Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=5),
-                ),
-            )
-        ),
-        "sensing": ToySensing(
-            ParticipantSpec(
-                name="sensing",
-                reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES)),
-                writes=(Write(port=OBSERVATION, message_type=Observation),),
-            )
-        ),
-        get_agent_participant("beetle"): ToyAgent(
-            ParticipantSpec(
-                name=get_agent_participant("beetle"),
-                reads=(Read(port=OBSERVATION), Read(port=keys.BODIES)),
-                writes=(Write(port=COMMAND, message_type=Command, announced_in=keys.BODIES),),
-            )
-        ),
-        "referee": ToyReferee(
-            ParticipantSpec(
-                name="referee",
-                reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), Read(port=COMMAND)),
-                writes=(
-                    Write(port=keys.SCORE, message_type=Score),
-                    Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE),
-                ),
-            )
-        ),
-        "recorder": ToyRecorder(
-            ParticipantSpec(
-                name="recorder",
-                reads=tuple(
-                    Read(port=port)
-                    for port in (keys.BODIES, keys.SAMPLES, keys.FILAMENTS, OBSERVATION, COMMAND, keys.SCORE)
-                ),
-                writes=(),
-                window_ticks=200,
-            )
-        ),
-    }
-
-
 class ToyRecorder(ToyCore):
     def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
         assert all(message.tick == tick for message in inbox.values())
         assert (keys.FILAMENTS in inbox) == (tick % 5 == 0)
         return {}
+
+
+def toy_cores() -> dict[str, ToyCore]:
+    """Return the cores of a run with one agent that is asked every seventh tick."""
+    agent = get_agent_participant("beetle")
+    recorded = (keys.BODIES, keys.SAMPLES, keys.FILAMENTS, OBSERVATION, COMMAND, keys.SCORE)
+    filaments = Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=5)
+    command = Write(port=COMMAND, message_type=Command, announced_in=keys.BODIES)
+    verdict = Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE)
+    cores = (
+        build_core(ToyWorld, "world", (), (Write(port=keys.BODIES, message_type=BodyPoses),), late=(COMMAND,)),
+        build_core(
+            ToyFields, "fields", (keys.BODIES,), (Write(port=keys.SAMPLES, message_type=FieldSamples), filaments)
+        ),
+        build_core(
+            ToySensing, "sensing", (keys.BODIES, keys.SAMPLES), (Write(port=OBSERVATION, message_type=Observation),)
+        ),
+        build_core(ToyAgent, agent, (OBSERVATION, keys.BODIES), (command,)),
+        build_core(
+            ToyReferee, "referee", (keys.BODIES, keys.SAMPLES, COMMAND),
+            (Write(port=keys.SCORE, message_type=Score), verdict),
+        ),
+        build_core(ToyRecorder, "recorder", recorded, (), window_ticks=200),
+    )  # fmt: skip
+    return {core.spec.name: core for core in cores}
+
+
+def build_core(
+    kind: type[ToyCore], name: str, reads: Sequence[str], writes: Sequence[Write], late=(), **more
+) -> ToyCore:
+    """Return a core that reads these ports of its tick and those that are `late` a tick later."""
+    of_before = (Read(port=port, delay_ticks=1) for port in late)
+    own = (*of_before, *(Read(port=port) for port in reads))
+    return kind(ParticipantSpec(name=name, reads=own, writes=tuple(writes), **more))
 
 
 def toy_dataflow() -> Dataflow:

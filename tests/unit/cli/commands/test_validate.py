@@ -258,28 +258,6 @@ def test_a_train_file_tells_all_its_problems_at_once(capsys, tmp_path, command):
     ]
 
 
-FAMILY = """schema: gslcosim/family/1
-name: f
-scenario: hall.yaml
-set: {SET}
-seeds: {training: {first: 700000, count: 4}, validation: {first: 700100, count: 4}, test: {first: 700200, count: 4}}
-"""
-
-
-def test_a_family_is_checked_by_its_first_cases(capsys, tmp_path):
-    (tmp_path / "hall.yaml").write_text(load_scenario("tiny_room").text)
-    (tmp_path / "family.yaml").write_text(FAMILY.replace("{SET}", "{}"))
-    assert main(["validate", str(tmp_path / "family.yaml")]) == 0
-    (tmp_path / "family.yaml").write_text(FAMILY.replace("{SET}", "{'gas.sources[0].position_m': [60, 2, 1]}"))
-    assert main(["validate", str(tmp_path / "family.yaml")]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert [f"seed {seed} of" in line for seed, line in zip((700000, 700100, 700200), lines[1:], strict=True)] == [
-        True
-    ] * 3
-    assert "family.yaml:3: scenario: expected a scenario of which each seed makes a case" in lines[1]
-    assert "gas.sources[0].position_m: expected a point in the room's air" in lines[1]
-
-
 @pytest.mark.parametrize("name", ["smoke", "surge_cast", "open_halls", "open_halls_table"])
 def test_bundled_files_of_each_kind_are_valid(capsys, name):
     assert main(["validate", name]) == 0
