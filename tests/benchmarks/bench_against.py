@@ -1,7 +1,7 @@
 """Print today's speed beside that of another commit, as ratios within one run, interleaved.
 
 Run with `make bench-against`, or `python tests/benchmarks/bench_against.py --base COMMIT [--n 5] [--json]`.
-Rows that take minutes each come last and once: `--skip suite cold peers` leaves them out.
+Rows that take minutes each come last and once: `--skip suite cold` leaves them out.
 The other commit is checked out into a temporary folder and flies with the same packages, so that both meet the same
 machine at the same time. The processor's time counts all processes of a run; what starting costs is left out of figures
 "a tick", which come from the difference of a long and a short run.
@@ -222,16 +222,6 @@ def suite_min(code: Code) -> float:
     return json.loads(done.stdout)["wall"]["flying_s"] * N_REPETITIONS / 60
 
 
-def peers_ratios() -> dict[str, float]:
-    """Return by shape the ticks a second over those of HELICS's best core; nothing without the peers."""
-    script = ROOT / "tests" / "benchmarks" / "bench_peers.py"
-    if not (ROOT / ".venv-peers" / "bin" / "python").exists():
-        return {}
-    done = subprocess.run([sys.executable, script, "--n", "3", "--json"], check=True, capture_output=True, text=True)
-    ratios = json.loads(done.stdout)["ratios"]
-    return {ratio["shape"]: ratio["median"] for ratio in ratios if ratio["peer"] == "HELICS"}
-
-
 def until(limit_s: int) -> list[str]:
     """Return the option for a run of that length."""
     return ["--set", f"referee.stop.time_limit_s={limit_s}"]
@@ -336,9 +326,6 @@ def measured_once(today: Code, other: Code, skipped: list[str]) -> dict[str, tup
         has_suites = (other.folder / "gslcosim" / "benchmark").exists()
         title = f"{SUITE}, all trials [min], {N_REPETITIONS} times the first repetition's"
         rows[title] = (suite_min(other) if has_suites else math.nan, suite_min(today))
-    if "peers" not in skipped:
-        for shape, ratio in peers_ratios().items():
-            rows[f"{shape} loop, ours / HELICS's best core"] = (math.nan, ratio)
     return rows
 
 
@@ -352,7 +339,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--base", required=True, help="the commit to compare with")
     parser.add_argument("--n", type=int, default=5, help="how many rounds")
-    parser.add_argument("--skip", nargs="+", default=[], choices=("suite", "cold", "peers"), help="rows to leave out")
+    parser.add_argument("--skip", nargs="+", default=[], choices=("suite", "cold"), help="rows to leave out")
     parser.add_argument(
         "--max-foreign-cores", type=float, default=0.1, help="what others may take of the processors in a round"
     )
@@ -397,8 +384,6 @@ def main() -> None:
         print(f"{title:52}{before:12.2f}{now:12.2f}")  # noqa: T201
     for title, (before, now) in once.items():
         print(f"{title:52}{before:12.2f}{now:12.2f}")  # noqa: T201
-    if "peers" not in options.skip and not any("HELICS" in title for title in once):
-        print("ours / HELICS's best core: make .venv-peers/ready, then again")  # noqa: T201
 
 
 if __name__ == "__main__":

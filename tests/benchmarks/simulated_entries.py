@@ -2,11 +2,14 @@
 
     make simulated-entries
     python tests/benchmarks/simulated_entries.py --suites 1000
+    python tests/benchmarks/simulated_entries.py --suites 40 --power
 
 A simulated entry succeeds with its quality, plus an effect of the room on all entries, and effects of room and plume on
 each entry. Each room has two plumes with two flights each, and in one row the first of the rooms has seven times as
 many, as in a suite most of whose cases share one environment. A share that is promised to be 5 % at most passes up to
 the 97.5 % point of the binomial distribution of 5 %; a coverage of 95 % passes from its 2.5 % point on.
+
+With `--power`: how many pairs the report of `open_2026` tells apart, with its cases and rooms.
 """
 
 import argparse
@@ -17,6 +20,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import stats
 
+from gslcosim.base.bundled import bundled_suites
+from gslcosim_bench.cases.models import Case
+from gslcosim_bench.cases.plan import expand_cases
+from gslcosim_bench.cases.suite_files import load_suite
 from gslcosim_bench.statistics.estimates import student_quantile
 from gslcosim_bench.statistics.ranking import EntryComparison, compare_entries, estimate_means
 from gslcosim_bench.statistics.sampling_units import SamplingUnits, find_sampling_units
@@ -25,6 +32,11 @@ PLUMES, FLIGHTS = 2, 2
 # Entries, rooms, and how many times as many plumes the first room has.
 EQUALS = ((2, 6, 1), (2, 30, 1), (6, 6, 1), (6, 12, 1), (6, 20, 7), (6, 30, 1), (12, 12, 1), (12, 30, 1), (39, 30, 1))
 DIFFERENT = ((6, 6), (6, 12), (6, 30), (12, 12), (12, 30))
+# Of open_2026: two entries, and five groups of equal entries, ten points apart.
+QUALITY_BY_ENTRIES = {
+    2: lambda gap: np.array([0.6, 0.6 - gap]),
+    27: lambda _: np.repeat([0.6, 0.5, 0.4, 0.3, 0.2], [6, 6, 5, 5, 5]),
+}
 # A score is the success times a number of this mean.
 SCORE_OF_SUCCESS = 0.75
 
@@ -33,8 +45,10 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--suites", type=int, default=1000, help="simulated suites of each row")
-    n = parser.parse_args().suites
-    for table in (equals(n), differences(n), levels(n)):
+    parser.add_argument("--power", action="store_true", help="pairs that the report of open_2026 tells apart")
+    options = parser.parse_args()
+    n = options.suites
+    for table in (power(n),) if options.power else (equals(n), differences(n), levels(n)):
         for line in table:
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
@@ -122,20 +136,57 @@ def levels(n: int) -> Iterator[str]:
         yield f"| {n_rooms} | {' | '.join(cells)} |"
 
 
+def power(n: int) -> Iterator[str]:
+    """Yield which share of pairs of `open_2026` is told apart, by their difference and the number of entries."""
+    cases = [case for _, case in expand_cases(load_suite(bundled_suites()["open_2026"]))]
+    rooms = list(dict.fromkeys(map(room_of, cases)))
+    case = np.repeat(np.arange(len(cases)), [each.repetitions for each in cases])
+    room = np.array([rooms.index(room_of(each)) for each in cases])[case]
+    plume = np.arange(len(room))
+    units = find_sampling_units(room, plume, case)
+    yield f"{len(rooms)} rooms"
+    yield f"| difference | {' | '.join(f'{n_entries} entries' for n_entries in QUALITY_BY_ENTRIES)} |"
+    yield "|---|---|---|"
+    for gap in (0.1, 0.2, 0.3):
+        shares = []
+        for n_entries, quality_of in QUALITY_BY_ENTRIES.items():
+            quality, rng, told = quality_of(gap), np.random.default_rng(n_entries), list[bool]()
+            for seed in range(n):
+                figures = draw_figures(rng, quality, room, plume)
+                found = compare_entries(
+                    figures, ranked_by="score", lower_is_better=False, units=units, cases=case, limit=1.0, seed=seed
+                )
+                told += [p.verdict != 0 for p in found.pairs if abs(abs(quality[p.a] - quality[p.b]) - gap) < 1e-9]
+            shares.append(percent(np.mean(told)))
+        yield f"| {100 * gap:.0f} points | {' | '.join(shares)} |"
+
+
+def room_of(case: Case) -> tuple[str, ...]:
+    """Return what makes the air of a case: its file, and what the suite sets of layout and wind."""
+    return case.source.name, *sorted(o for o in case.overrides if o.startswith(("environment.", "wind.", "events=")))
+
+
 def simulate(
     rng: np.random.Generator, quality: np.ndarray, n_rooms: int, times: int = 1
 ) -> tuple[dict[str, np.ndarray], SamplingUnits, np.ndarray]:
     """Return figures of a suite, its units and its cases; the first room has `times` as many plumes as the others."""
     plumes = np.full(n_rooms, PLUMES)
     plumes[0] *= times
-    n_entries, room = len(quality), np.repeat(np.arange(n_rooms), plumes * FLIGHTS)
+    room = np.repeat(np.arange(n_rooms), plumes * FLIGHTS)
     plume = np.arange(len(room)) // FLIGHTS
+    return draw_figures(rng, quality, room, plume), find_sampling_units(room, plume, plume), plume
+
+
+def draw_figures(
+    rng: np.random.Generator, quality: np.ndarray, room: np.ndarray, plume: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return scores and successes of entries in runs, each in a room and a plume."""
+    n_rooms, n_plumes, n_entries = int(room.max()) + 1, int(plume.max()) + 1, len(quality)
     rate = quality + rng.uniform(-0.15, 0.15, n_rooms)[room, None]
     rate = rate + rng.uniform(-0.1, 0.1, (n_rooms, n_entries))[room]
-    rate = rate + rng.uniform(-0.1, 0.1, (plumes.sum(), n_entries))[plume]
-    success = rng.random(rate.shape) < rate
-    score = success * (1.0 - 0.5 * rng.random(rate.shape))
-    return {"score": score, "success": success.astype(float)}, find_sampling_units(room, plume, plume), plume
+    rate = rate + rng.uniform(-0.1, 0.1, (n_plumes, n_entries))[plume]
+    success = (rng.random(rate.shape) < rate).astype(float)
+    return {"score": success * (1.0 - 0.5 * rng.random(rate.shape)), "success": success}
 
 
 def compared(

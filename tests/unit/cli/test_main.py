@@ -45,19 +45,15 @@ def options_of(path):
         (["upp"], f"gslcosim: expected one of the commands {ALL}, was 'upp'. "
          "Did you mean up?"),
         (["zzz"], f"gslcosim: expected one of the commands {ALL}, was 'zzz'."),
-        (
-            ["bench", "run", "smoke", "--out", "x"],
-            "gslcosim bench run: expected one of the options --agents, --build, --bundle, --data, --filter, --help, "
-            "--jobs, --json, --no-report, --only, --ray, --results, --retry, --sealed, --seed, --shard, --yes, "
-            "was '--out'. Did you mean --results?",
-        ),
+        (["bench", "run", "smoke", "--out", "x"],
+         "gslcosim bench run: expected one of the options --agents, --build, --bundle, --data, --filter, --help, "
+         "--jobs, --json, --no-report, --only, --ray, --results, --retry, --sealed, --seed, --shard, --yes, was "
+         "'--out'. Did you mean --results?"),
         (["--foo"], "gslcosim: expected one of the options --help, --version, was '--foo'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
-         "--insecure, --join-dir, --json, --lease-s, "
-         "--listen, --live, --no-services, --pace, --processes, --quiet, --ros-distro, --ros2, --ros2-truth, "
-         "--runs-dir, --seed, --serve, --set, "
-         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --window-ticks, "
-         "was '--sed'. Did you mean --seed?"),
+         "--insecure, --join-dir, --json, --lease-s, --listen, --live, --no-services, --pace, --processes, --quiet, "
+         "--ros-distro, --ros2, --ros2-truth, --runs-dir, --seed, --serve, --set, --tls-ca, --tls-certificate, "
+         "--tls-client-ca, --tls-key, --window-ticks, was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
         (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),
         (["up", "x", "--seed", "-1"], "gslcosim up: argument --seed: expected a whole number of at least 0, was '-1'. "

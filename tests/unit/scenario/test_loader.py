@@ -36,18 +36,15 @@ def test_a_file_is_preferred_to_a_bundled_scenario_of_the_same_name(scenario_fil
         ("hal.yaml", "hal.yaml: expected a scenario file, found none. Did you mean hall.yaml?"),
         ("none/hall.yml", "none/hall.yml: expected a scenario file, found none."),
         ("warehouse_empty.yaml", "warehouse_empty.yaml: expected a scenario file, found none. warehouse_empty is "
-         "bundled: "
-         "give its name alone."),
+         "bundled: give its name alone."),
         ("folder", "folder: expected a scenario file, was a folder."),
         ("latin", "latin: expected UTF-8 text, was something else from byte 7 on. Save the file as UTF-8."),
-        ("empty.yaml", "empty.yaml:1: expected a block with the keys schema, name, seed, tick_ms, environment, "
-         "wind, gas, "
-         "agents, referee, recording, channels, services, participants, probes, events, pace, snapshots, restart, "
-         "processes and ros2, was nothing."),
+        ("empty.yaml", "empty.yaml:1: expected a block with the keys schema, name, seed, tick_ms, environment, wind, "
+         "gas, agents, referee, recording, channels, services, participants, probes, events, pace, snapshots, "
+         "restart, processes and ros2, was nothing."),
         ("list.yaml", "list.yaml:1: expected a block with the keys schema, name, seed, tick_ms, environment, wind, "
-         "gas, "
-         "agents, referee, recording, channels, services, participants, probes, events, pace, snapshots, restart, "
-         "processes and ros2, was [1, 2]."),
+         "gas, agents, referee, recording, channels, services, participants, probes, events, pace, snapshots, "
+         "restart, processes and ros2, was [1, 2]."),
     ],
 )  # fmt: skip
 def test_a_source_that_is_no_scenario_is_refused_with_a_remedy(scenario_file, tmp_path, monkeypatch, source, expected):

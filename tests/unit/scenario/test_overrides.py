@@ -46,11 +46,9 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
          "agents[0].name."),
         ("gas[0]=b", "--set: gas[0]: expected gas to be a list, was a block. Leave out [0]."),
         ("name.first=b", "--set: name.first: expected name to be a block with keys, was 'hall'."),
-        ("gas={a: 1", "--set:1:6: expected YAML, was text that cannot be read (while parsing a flow mapping, "
-         "expected ',' "
-         "or '}', but got '<stream end>'). Is a quote, bracket or colon missing above? Text with `: ` or ` #` in it "
-         "needs "
-         "quotes."),
+        ("gas={a: 1", "--set:1:6: expected YAML, was text that cannot be read (while parsing a flow mapping, expected "
+         "',' or '}', but got '<stream end>'). Is a quote, bracket or colon missing above? Text with `: ` or ` #` in "
+         "it needs quotes."),
         ("agents[0].vehicle.hold_s=-1",
          "--set: agents[0].vehicle.hold_s: expected a number of at least 0 in seconds, was -1."),
         ("agents[0].vehicle.hold=1",

@@ -61,8 +61,7 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
          '1000, was {"latency": 0}.'),
         ("start: {python: dung_beetle}", "start: {python: dung_beetle}\n    mode: on request",
          "hall.yaml:11: agents[0].mode: expected on_request, lockstep or free or {latency: N} with N a whole number "
-         "from 1 to "
-         "1000, was 'on request'. Did you mean on_request?"),
+         "from 1 to 1000, was 'on request'. Did you mean on_request?"),
         ("start: {python: dung_beetle}", "start: {command: [sh, 5]}",
          "hall.yaml:10: agents[0].start.command[1]: expected a text, was 5. Put it in quotes: '5'."),
     ],
@@ -76,8 +75,7 @@ def test_a_wrong_value_is_one_problem_with_a_remedy(problem_lines, old, new, lin
     [
         ("model: tgs2600", "model: TGS-2600", "hall.yaml:13: agents[0].sensors[0].model",
          SENSORS, "was 'TGS-2600'. Did you mean tgs2600?"),
-        ("gas:", "gas:\n  gas: etanol", "hall.yaml:6: gas.gas",
-         GASES, "was 'etanol'. Did you mean ethanol?"),
+        ("gas:", "gas:\n  gas: etanol", "hall.yaml:6: gas.gas", GASES, "was 'etanol'. Did you mean ethanol?"),
         ("{start_m:", "{model: crazyfly, start_m:", "hall.yaml:11: agents[0].vehicle.model",
          list_vehicle_names(), "was 'crazyfly'. Did you mean crazyflie?"),
     ],

@@ -13,17 +13,15 @@ from gslcosim_services.sensing import SENSOR_MODELS
         ("      - {model: tgs2600, name: nose}", "      - {model: tgs2600, name: nose}\n      - {model: anemometer, "
          "name: nose}",
          "hall.yaml:14: agents[0].sensors[1].name: expected a name that no other of agents[0].sensors has, was "
-         "'nose', as "
-         "agents[0].sensors[0].name. For example nose_2."),
+         "'nose', as agents[0].sensors[0].name. For example nose_2."),
         ("agents:\n", "agents:\n  - {name: beetle, start: {attach: true}, vehicle: {start_m: [1, 1, 0]}, "
          "sensors: [{model: tgs2600, name: nose}]}\n",
          "hall.yaml:10: agents[1].name: expected a name that no other of agents has, was 'beetle', as agents[0].name. "
          "For example beetle_2."),
-        ("size_m: [15, 10, 8]", "obstacles: [{name: a, min_m: [1, 1, 0], max_m: [2, 2, 1]}, "
-         "{name: a, min_m: [3, 1, 0], max_m: [4, 2, 1]}]",
+        ("size_m: [15, 10, 8]", "obstacles: [{name: a, min_m: [1, 1, 0], max_m: [2, 2, 1]}, {name: a, min_m: [3, 1, "
+         "0], max_m: [4, 2, 1]}]",
          "hall.yaml:4: environment.layout.obstacles[1].name: expected a name that no other of "
-         "environment.layout.obstacles "
-         "has, was 'a', as environment.layout.obstacles[0].name. For example a_2."),
+         "environment.layout.obstacles has, was 'a', as environment.layout.obstacles[0].name. For example a_2."),
         ("name: hall", "name: hall\ntick_ms: 50",
          "hall.yaml:3: tick_ms: expected a multiple of the physics step of 4 ms, was 50. Nearest: 48 or 52."),
         ("name: hall", "name: hall\nrecording: {gas_every_s: 0.25}",
@@ -123,9 +121,8 @@ def test_agents_are_listed_by_the_process_that_runs_them(scenario_file):
 @pytest.mark.parametrize(
     ("channels", "lines"),
     [
-        ("[{name: radio}, {name: radio}]",
-         ["channels[1].name: expected a name that no other of channels has, was 'radio', as channels[0].name. "
-          "For example radio_2."]),
+        ("[{name: radio}, {name: radio}]", ["channels[1].name: expected a name that no other of channels has, was "
+         "'radio', as channels[0].name. For example radio_2."]),
         ("[{name: radio, members: [moth, waps]}]",
          ["channels[0].members: expected at least two agents, was moth. Leave the channel out, or add an agent.",
           "channels[0].members[1]: expected the name of an agent (moth, wasp, beetle), was 'waps'. Did "

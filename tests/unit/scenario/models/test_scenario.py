@@ -17,8 +17,7 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "layout generates a room, path takes the folder of one made before."),
         (A_LAYOUT, f"{A_LAYOUT}\n  path: .",
          "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench, gaden and geometry, was layout "
-         "and path. "
-         "layout generates a room, path takes the folder of one made before."),
+         "and path. layout generates a room, path takes the folder of one made before."),
         ("{python: dung_beetle}", "{}",
          "hall.yaml:10: agents[0].start: expected exactly one of python, command, ros2, attach: true and process_of, "
          "was none. For example start: {python: dung_beetle}."),
@@ -76,9 +75,8 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "hall.yaml:10: agents[0].start.ros2.endpoint: expected an address of this machine with a port from 1 to "
          "65535, was 'tcp/localhost:99999'. For example tcp/localhost:7447."),
         ("size_m: [15, 10, 8]", AN_OBSTACLE,
-         "hall.yaml:4: environment.layout.obstacles[0].max_m: expected each number greater than that of min_m, [1, "
-         "1, 0], "
-         "was [2, 1, 1]. min_m and max_m are opposite corners."),
+         "hall.yaml:4: environment.layout.obstacles[0].max_m: expected each number greater than that of min_m, [1, 1, "
+         "0], was [2, 1, 1]. min_m and max_m are opposite corners."),
         ("size_m: [15, 10, 8]", AN_INLET,
          "hall.yaml:4: environment.layout.inlet.max_m: expected one number equal to that of min_m, [0, 0, 0], and two "
          "greater, was [1, 1, 1]. An opening is a rectangle on one side of the room."),
