@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from built_rooms import build_closed_room
 from built_scenarios import NOSE, build_agent, build_scenario
-from flaky_tests import is_whole_suite, mark_flaky_tests
 from hypothesis import HealthCheck, settings
-from marked_files import MISREAD, find_misread, is_left_out
+from marked_files import MISREAD, find_misread, is_left_out, is_whole_suite
 
 from gslcosim.environment.geometry_source import build_still_environment
 from gslcosim.environment.model import Environment
@@ -47,8 +46,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Give a second try to who is named for it; before tests are left out, so that no name is missed."""
-    mark_flaky_tests(config, items, Path(__file__).parent / "tests" / "flaky_tests.yaml")
+    """Begin with the longest modules; before tests are left out, so that no misread mark is missed."""
     config.stash[MISREAD] = find_misread(items, MARKS)
     ranks = {name: rank for rank, name in enumerate(LONGEST_MODULES)}
     items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))

@@ -13,6 +13,14 @@ _MARK = re.compile(r"\bmark\.(\w+)")
 _IMPORT = re.compile(r"^(?:from|import) (\w+)", re.MULTILINE)
 
 
+def is_whole_suite(config: pytest.Config) -> bool:
+    """Return whether all tests are collected, of which marks and words may leave some out."""
+    if config.option.ignore or config.option.ignore_glob or config.option.deselect:
+        return False
+    asked = {(config.invocation_params.dir / path).resolve() for path in config.args}
+    return asked == {(config.rootpath / path).resolve() for path in config.getini("testpaths")}
+
+
 def is_left_out(path: Path, config: pytest.Config) -> bool:
     """Return whether no test of a file can have the marks that `-m` asks for.
 
