@@ -230,10 +230,6 @@ def test_units_of_results_are_theirs_and_nobody_elses(tmp_path):
     [
         ({"may_write": ["OUTSIDE"]}, r"asks for .*outside.* \(may_read, may_write\)"),
         ({"may_read": ["~"]}, r"asks for ~ \(may_read, may_write\)"),
-        (
-            {"environment": {"LD_PRELOAD": "./mine.so"}},
-            r"agents\.beetle\.environment\.LD_PRELOAD: .*needs no variables",
-        ),
     ],
 )
 def test_results_that_ask_for_folders_are_refused_before_anything_is_started(

@@ -253,32 +253,6 @@ def test_two_nodes_bring_the_rows_of_one_machine(
         node.wait_for(lambda node=node: not node.pids("RayWorker") and not node.pids("bench.execution.worker"))
 
 
-@pytest.mark.parametrize(
-    ("i_node", "number"),
-    [
-        pytest.param(0, signal.SIGSTOP, id="stopped_here", marks=pytest.mark.soak),
-        pytest.param(1, signal.SIGSTOP, id="stopped_there", marks=pytest.mark.soak),
-        pytest.param(1, signal.SIGKILL, id="killed_there", marks=pytest.mark.soak),
-    ],
-)
-def test_a_worker_that_is_lost_costs_no_trial(
-    nodes: tuple[Node, Node], suite: Path, folder: Path, flown_here: Path, i_node: int, number: signal.Signals
-) -> None:
-    """Its actor is killed, or stopped for ever, while it flies; the trial is run again, by another."""
-    lost, results = nodes[i_node], folder / f"lost_{i_node}_{number.name}"
-    run = nodes[0].fly(suite, results, ADDRESS)
-    journal = results / "rows.jsonl"
-    lost.wait_for(lambda: lost.address in (journal.read_text() if journal.is_file() else ""))
-    pids = lost.pids("RayWorker")
-    for pid in pids:
-        os.kill(pid, number)
-    assert flown(run) == [N_TRIALS, 0, False]
-    assert rows_of(results) == rows_of(flown_here)
-    # Ray itself ends no worker of another machine that is stopped.
-    for pid in set(pids) & set(lost.pids("RayWorker")):
-        kill(pid)
-
-
 @pytest.mark.soak
 def test_an_interruption_leaves_no_actor(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
     """Ctrl-C ends the actors and the workers behind them on all nodes, and leaves whole tables."""

@@ -7,14 +7,13 @@ import shutil
 import numpy as np
 import pytest
 
-from gslcosim.base.checksums import CHECKSUMS_FILE, check_files, write_checksums
+from gslcosim.base.checksums import CHECKSUMS_FILE, write_checksums
 from gslcosim.base.errors import GslCosimError, SnapshotError
 from gslcosim.base.kernel_cache import OWNER_VARIABLE
 from gslcosim.base.untrusted_input import MalformedFileError
-from gslcosim.environment.model import VisualMesh, with_wind
+from gslcosim.environment.model import with_wind
 from gslcosim.environment.store import load_environment, save_environment
 from gslcosim.recordings.run_summary import read_run_summary
-from gslcosim.runtime.replay.compare import RunComparison
 from gslcosim.runtime.replay.past_run import PastRun, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import ObservationLog, SnapshotPart, read_observations, save_part
 from gslcosim.runtime.run import run_scenario
@@ -97,14 +96,6 @@ def test_rooms(room, tmp_path):
     assert read_flipped(tmp_path / "rooms" / "room", read_room) > N_FLIPS / 4
 
 
-def test_rooms_of_another_cache(room, tmp_path, monkeypatch):
-    folder = tmp_path / "rooms" / "room"
-    save_environment(room, folder)
-    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "another"))
-    assert not check_files(folder, "environment.yaml")
-    assert read_flipped(folder, read_room, n=60) > 15
-
-
 def test_rooms_without_checksums_are_known_by_their_content(room, tmp_path):
     """Another program has written them, with any hash: no two rooms have one."""
     folder = tmp_path / "room"
@@ -118,20 +109,6 @@ def test_rooms_without_checksums_are_known_by_their_content(room, tmp_path):
     wind[0, 0, 0, 0] += 1.0
     np.save(folder / "wind.npy", wind)
     assert load_environment(folder).content_hash not in (room.content_hash, "f" * 32)
-
-
-@pytest.mark.slow
-def test_rooms_with_meshes(room, tmp_path):
-    """What is not asked for is not read, and what is read is right."""
-    corner = VisualMesh.of("corner", np.eye(3), np.array([[0, 1, 2]]), (0.2, 0.4, 0.6, 1.0))
-    room = with_wind(dataclasses.replace(room, meshes=(corner,)), room.wind)
-    save_environment(room, tmp_path / "rooms" / "room")
-    assert read_flipped(tmp_path / "rooms" / "room", read_room, n=100) > 25
-    assert check_files(tmp_path / "rooms" / "room", "visual.glb")
-    for i in range(100):
-        shutil.rmtree(tmp_path / "rooms" / f"copy_{i}")
-    plain = lambda folder: describe(dataclasses.replace(load_environment(folder), meshes=()))  # noqa: E731
-    read_flipped(tmp_path / "rooms" / "room", plain, n=100)
 
 
 def test_a_room_whose_checksums_were_made_again_is_held_against_its_content_hash(room, tmp_path, monkeypatch):
@@ -326,12 +303,3 @@ def test_runs(run):
     assert (run / CHECKSUMS_FILE).is_file()
     assert read_flipped(run, read_run, files=files) > N_FLIPS * 0.8
     shutil.rmtree(run.parent)
-
-
-@pytest.mark.slow
-def test_runs_that_are_compared(run, tmp_path):
-    """A flipped digest names itself, and no port that differed."""
-    shutil.copytree(run, tmp_path / "first")
-    compare = lambda folder: RunComparison.of(tmp_path / "first" / "digest.json", folder / "digest.json").divergence  # noqa: E731
-    assert compare(run) is None
-    read_flipped(run, compare, files=["digest.json"], n=60)

@@ -57,11 +57,6 @@ def test_recordings_may_be_kept_elsewhere(tmp_path):
         assert (tmp_path / "results" / ".lock").is_file()
 
 
-def test_a_folder_that_is_not_there_is_made(tmp_path):
-    with ResultsFolder(tmp_path / "new" / "results").locked():
-        assert (tmp_path / "new" / "results" / ".lock").is_file()
-
-
 def test_a_table_of_far_more_rows_than_any_suite_has_is_refused(tmp_path):
     """Rows of equal values take next to nothing in the file, and gigabytes in memory."""
     with pq.ParquetWriter(tmp_path / "trials.parquet", TRIALS, compression="zstd") as file:

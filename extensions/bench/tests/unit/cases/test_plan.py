@@ -89,13 +89,6 @@ def test_scenarios_of_a_suite_have_starts_values_and_seeds_of_their_own(tmp_path
     assert slow[0].resolved.agents[0].vehicle.search_height_m == 1.2
 
 
-def test_a_written_suite_keeps_what_its_scenarios_have_of_their_own(tmp_path: Path) -> None:
-    first = planned(tmp_path, OWN_AXES + ONE_ENTRY)
-    suite_files.write_suite(first.loaded, tmp_path / "kept")
-    again = build_plan(load_suite(tmp_path / "kept"))
-    assert [trial.id for trial in again.trials] == [trial.id for trial in first.trials]
-
-
 @pytest.mark.parametrize(
     ("before", "after", "problem"),
     [
@@ -132,15 +125,6 @@ def test_entries_of_a_case_and_repetition_meet_the_same(tmp_path: Path) -> None:
         assert beetle.resolved.gas == walk.resolved.gas
         assert beetle.id != walk.id
     assert len({trial.resolved.seed for trial in plan.trials}) == 4
-
-
-def test_one_gas_seed_is_shared_by_all_repetitions_of_a_scenario(tmp_path: Path) -> None:
-    plan = planned(
-        tmp_path, "scenarios: [tiny_room]\nrepetitions: 4\ngas_seeds: 2\nset: {gas.tape: true}\n" + ONE_ENTRY
-    )
-    assert len({trial.resolved.gas.seed for trial in plan.trials}) == 2
-    assert len({trial.tape for trial in plan.trials}) == 2
-    assert len({trial.room for trial in plan.trials}) == 1
 
 
 def test_controls_have_no_gas_and_the_same_seeds(tmp_path: Path) -> None:
@@ -202,13 +186,6 @@ def test_an_included_suite_brings_its_cases_and_the_outer_one_its_entries(tmp_pa
     assert {trial.entry for trial in both.trials} == {"dung_beetle", "oracle", "random_walker"}
 
 
-def test_drawn_values_follow_from_the_suites_seed(tmp_path: Path) -> None:
-    text = "scenarios: [tiny_room]\nvary: [{environment.layout.seed: {draw: 3}}]\n" + ONE_ENTRY
-    seeds = [t.resolved.environment.layout.seed for t in planned(tmp_path, text).trials]  # type: ignore[union-attr]
-    assert len(set(seeds)) == 3
-    assert seeds == [t.resolved.environment.layout.seed for t in planned(tmp_path, text).trials]  # type: ignore[union-attr]
-
-
 def test_a_team_stands_around_the_first_robot_and_shares_a_process(tmp_path: Path) -> None:
     entry = "entries: [{name: walkers, start: {python: random_walker}, robots: 3, radio: true}]\n"
     (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).trials
@@ -217,12 +194,6 @@ def test_a_team_stands_around_the_first_robot_and_shares_a_process(tmp_path: Pat
     assert [agent.start.process_of for agent in scenario.agents] == [None, "beetle", "beetle"]
     assert len(scenario.channels) == 1
     assert len({agent.vehicle.start_m for agent in scenario.agents}) == 3
-
-
-def test_by_method_gives_what_the_card_asks_for(tmp_path: Path) -> None:
-    entry = "entries: [{name: oracle_too, start: {python: oracle}, sensors: by_method}]\n"
-    (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).trials
-    assert trial.resolved.agents[0].knows.granted == ("source",)
 
 
 def test_parameters_may_differ_from_scenario_to_scenario(tmp_path: Path) -> None:
@@ -247,18 +218,6 @@ def test_two_entries_with_programs_in_one_folder_are_two(tmp_path: Path) -> None
     (tmp_path / "a.py").write_text(program + "# changed\n")
     after = planned(tmp_path, "scenarios: [tiny_room]\n" + entries)
     assert before.trials[0].id != after.trials[0].id
-
-
-def test_an_interpreter_by_its_path_is_not_the_program(tmp_path: Path) -> None:
-    from gslcosim_bench.cases.agent_setup import files_in_command
-    from gslcosim_bench.cases.suite_files import list_entry_files
-
-    (tmp_path / "agent.py").write_text("")
-    shell = str(Path("/bin/sh").resolve())
-    entry = f"entries: [{{name: a, start: {{command: [{shell}, agent.py], door: stdio}}}}]\n"
-    (spec,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).loaded.suite.entries
-    assert files_in_command(spec, tmp_path) == [tmp_path / "agent.py"]
-    assert list_entry_files(spec, tmp_path) == [(tmp_path / "agent.py").resolve()]
 
 
 WRONG = {
@@ -387,12 +346,6 @@ def _tiny_room() -> str:
     return str(bundled_scenarios()["tiny_room"])
 
 
-def test_a_trial_is_plain_data(tmp_path: Path) -> None:
-    (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + ONE_ENTRY).trials
-    assert json.loads(trial.scenario_json)["name"] == "tiny_room"
-    assert not trial.resolved.recording.enabled
-
-
 def test_trials_are_others_when_a_parameter_that_cards_share_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -437,11 +390,6 @@ def test_shards_share_few_tapes(tmp_path: Path) -> None:
 def test_a_shard_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--shard: expected I/N"):
         Shard.parse(text)
-
-
-def test_a_shard_is_read_as_it_is_written() -> None:
-    assert Shard.parse("2/8") == Shard(index=2, count=8)
-    assert str(Shard.parse("2/8")) == "2/8"
 
 
 def test_an_entry_that_varies_stands_for_one_of_each_combination(tmp_path: Path) -> None:

@@ -27,10 +27,6 @@ def holds(plan: Plan) -> dict[str, tuple[str | None, float]]:
     return {entry: (vehicle.hold_rule, vehicle.hold_s) for entry, vehicle in vehicles.items()}
 
 
-def test_without_it_each_agent_holds_as_it_asks(tmp_path: Path) -> None:
-    assert {rule for rule, _ in holds(planned(tmp_path, "")).values()} == {None}
-
-
 def test_a_number_is_the_hold_of_all_entries_and_anchors(tmp_path: Path) -> None:
     found = holds(planned(tmp_path, "hold_s: 1.5\n"))
     assert found == dict.fromkeys(("walk", "surge", "beetle", "random_walker"), ("fixed", 1.5))

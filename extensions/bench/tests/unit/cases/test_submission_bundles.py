@@ -284,12 +284,3 @@ def test_the_command_line_packs_and_refuses(folder, tmp_path, capsys):
     assert main(["bench", "run", "smoke", "--build"]) == 2
     assert main(["bench", "run", "smoke", "--bundle", out, "--results", str(tmp_path / "r")]) == 2
     assert "which run with all your rights" in capsys.readouterr().err
-
-
-def test_a_bundle_that_lacks_a_file_of_its_lock_is_named(folder, tmp_path):
-    path = tmp_path / "short.tar"
-    with tarfile.open(path, "w") as bundle:
-        for name in ("agent.py", "method.yaml", "submission.yaml"):
-            bundle.add(folder / name, name)
-    with pytest.raises(UsageError, match=r"short\.tar: expected a file that lock names, requirements\.lock"):
-        unpack_bundle(path, tmp_path / "below")

@@ -39,21 +39,3 @@ def test_a_long_leaderboard_is_cut_to_what_a_terminal_shows():
     lines = format_merge(summary, report).splitlines()
     assert lines[2].split() == ["#", "Entry", "Score", "n"]
     assert lines[22:24] == ["19   m_19    0.5     9", "10 more entries are in out/summary.md."]
-
-
-def test_a_merge_ends_with_the_leaderboard_of_its_report():
-    summary = MergeSummary(folder=Path("out"), n_shards=1, missing=(), n_trials=4, n_chosen=4)
-    rows = [["1", "oracle", "0.85", "2"], ["2", "dung_beetle", "0.55", "2"]]
-    report = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "Score", "n"], rows))
-    assert format_merge(summary, report).splitlines()[1:] == [
-        "",
-        "#   Entry         Score   n",
-        "1   oracle        0.85    2",
-        "2   dung_beetle   0.55    2",
-        "",
-        "Results: out",
-        "Report: out/report.html",
-    ]
-    nothing = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "n"], []))
-    assert format_merge(summary, nothing).splitlines()[1:] == ["Results: out", "Report: out/report.html"]
-    assert format_merge(summary, None).splitlines()[1:] == ["Results: out"]

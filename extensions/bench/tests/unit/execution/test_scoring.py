@@ -2,9 +2,10 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_observation
 
 from gslcosim.contract import keys
-from gslcosim.contract.messages import Observation, Reading
+from gslcosim.contract.messages import Reading
 from gslcosim.scenario.loader import load_scenario
 from gslcosim_bench.execution.scoring import SeriesCollector, counted_time_s, score
 
@@ -56,16 +57,6 @@ def test_the_reading_of_a_track_is_that_of_the_first_gas_sensor_whatever_its_kin
         Reading(sensor="first", quantity=quantity, unit=unit, values=(7.0,)),
         Reading(sensor="second", quantity="mixing_ratio", unit="ppm", values=(9.0,)),
     )
-    observation = Observation(
-        tick=1,
-        agent=agent,
-        time_s=0.1,
-        position_world_m=(1.0, 1.0, 1.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="flying",
-        awaiting_command=False,
-        readings=readings,
-    )
+    observation = build_observation(1, agent=agent, readings=readings)
     collector.note(keys.observation(agent), observation)
     assert collector.agents[agent].last_reading == 7.0

@@ -1,6 +1,5 @@
 import pytest
 
-from gslcosim.base.errors import ShapeError
 from gslcosim_bench.metrics.path_metrics import classify_declaration, score_declarations
 
 SOURCE = (3.0, 4.0, 2.0)
@@ -53,8 +52,3 @@ def test_without_a_declaration_there_is_no_error_and_no_confidence(is_control, o
     figures = score_declarations([], [], [], [SOURCE], within_m=1.0, is_control=is_control)
     assert (figures.outcome, figures.first_declared_s, figures.error_m) == (outcome, None, None)
     assert (figures.confidence, figures.n_false) == (0.0, 0)
-
-
-def test_a_place_and_a_confidence_for_each_time_is_asked_for():
-    with pytest.raises(ShapeError, match="confidences"):
-        score_declarations([9.0], [SOURCE], [0.5, 0.5], [SOURCE], within_m=1.0)

@@ -9,11 +9,6 @@ def test_rounding_of_ticks_does_not_shift_a_sample():
     np.testing.assert_array_equal(select_samples(t_s), np.arange(0, 6001, 20))
 
 
-def test_slow_series_are_kept_whole_and_a_single_sample_once():
-    np.testing.assert_array_equal(select_samples([0.0, 1.5, 3.0, 7.2]), [0, 1, 2, 3])
-    np.testing.assert_array_equal(select_samples([4.2]), [0])
-
-
 def test_what_is_kept_is_first_last_and_no_two_closer_than_needed():
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -22,7 +17,3 @@ def test_what_is_kept_is_first_last_and_no_two_closer_than_needed():
         assert (kept[0], kept[-1]) == (0, 99)
         assert len(np.unique(np.floor(t_s[kept[:-1]]))) == len(kept) - 1
         assert set(np.floor(t_s)) == set(np.floor(t_s[kept]))
-
-
-def test_another_period_may_be_asked_for():
-    np.testing.assert_array_equal(select_samples(np.arange(10.0), every_s=5.0), [0, 5, 9])

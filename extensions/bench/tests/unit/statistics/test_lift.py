@@ -28,16 +28,6 @@ def test_difference_of_newcombe_1998(counts, ends):
     assert (ours.low, ours.high) == pytest.approx(ends, abs=6e-5)
 
 
-@pytest.mark.extras
-def test_difference_agrees_with_statsmodels():
-    from statsmodels.stats.proportion import confint_proportions_2indep
-
-    ours = difference_of_rates(40, 90, 17, 85, level=0.9)
-    theirs = confint_proportions_2indep(40, 90, 17, 85, method="newcomb", alpha=0.1)
-    assert (ours.low, ours.high) == pytest.approx(theirs)
-    assert ours.n == 175
-
-
 @pytest.mark.parametrize(
     ("table", "ends", "digits"),
     [((36, 12, 2, 0), (0.0569, 0.3404), 4), ((1, 1, 7, 12), (-0.507, -0.026), 3)],

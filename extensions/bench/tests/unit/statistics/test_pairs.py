@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.pairs import paired_difference, sign_flip
 
 # Heights of cross- and self-fertilised maize, Darwin 1876, differences in eighths of an inch.
@@ -37,11 +36,6 @@ def test_sign_flip_of_equal_entries():
     assert math.isnan(sign_flip(np.array([]), np.array([])))
 
 
-def test_sign_flip_is_the_same_each_time():
-    a = np.random.default_rng(2).normal(0.2, 1.0, 80)
-    assert sign_flip(a, np.zeros(80)) == sign_flip(a, np.zeros(80))
-
-
 def test_paired_difference_is_narrow_where_cases_are_hard_for_both():
     rng = np.random.default_rng(3)
     case = rng.normal(0.0, 100.0, 200)
@@ -57,10 +51,3 @@ def test_paired_difference_over_clusters_is_wider():
     a = np.repeat(np.random.default_rng(4).normal(size=25), 8)
     alone, together = (paired_difference(a, 0 * a, clusters=c) for c in (None, np.repeat(np.arange(25), 8)))
     assert together.high - together.low > 2.0 * (alone.high - alone.low)
-
-
-def test_what_cannot_be_paired_is_refused():
-    with pytest.raises(ShapeError, match="a 2, b 3"):
-        paired_difference(np.zeros(2), np.zeros(3))
-    with pytest.raises(ShapeError, match="finite"):
-        sign_flip(np.array([math.nan]), np.zeros(1))

@@ -27,26 +27,6 @@ def test_profile_of_a_hand_computed_example():
     assert ours.n == 4
 
 
-def test_a_profile_tends_to_the_rate_of_success():
-    rng = np.random.default_rng(0)
-    reference = rng.uniform(10, 20, 50)
-    times = np.where(rng.random(50) < 0.6, reference * rng.uniform(1, 30, 50), math.inf)
-    ours = performance_profile(times, reference, np.array([1.0, 3.0, 1e6]), single(50))
-    assert np.all(np.diff(ours.value) >= 0)
-    assert ours.value[-1] == pytest.approx(np.mean(np.isfinite(times)))
-
-
-def test_an_oracle_without_time_is_refused():
-    with pytest.raises(ShapeError, match="above 0 s, the least is 0"):
-        performance_profile(np.array([1.0]), np.array([0.0]), TAU, single(1))
-    with pytest.raises(ShapeError, match="finite"):
-        performance_profile(np.array([1.0]), np.array([math.inf]), TAU, single(1))
-
-
-def test_a_profile_of_no_scenario_is_undefined():
-    assert np.all(np.isnan(performance_profile(np.array([]), np.array([]), TAU, find_sampling_units([], [], [])).value))
-
-
 def test_runtime_distribution_of_a_hand_computed_example():
     """Two trials, targets of 5 m and 1 m: three of four were met, at 10, 20 and 30 s."""
     times_s = np.array([[10.0, 30.0], [20.0, math.inf]])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gslcosim.base.errors import ShapeError
-from gslcosim_bench.statistics.ranking import compare_entries, estimate_means
+from gslcosim_bench.statistics.ranking import compare_entries
 from gslcosim_bench.statistics.sampling_units import find_sampling_units
 
 
@@ -54,18 +53,6 @@ def test_two_entries_alone_have_students_interval_or_a_wider_one():
     assert pair.differences["x"].low <= low
     assert pair.differences["x"].high >= high
     assert pair.p == pytest.approx(student.pvalue, abs=0.03)
-
-
-def test_a_family_of_more_entries_and_figures_reaches_farther():
-    values = np.random.default_rng(2).normal(size=(40, 8))
-    few, many = compared(values[:, :2]), compared(values)
-    assert few.critical_value < many.critical_value
-    both = compare_entries(
-        {"x": values, "y": np.random.default_rng(3).normal(size=(40, 8))}, ranked_by="x", lower_is_better=False,
-        units=single(40),
-    )  # fmt: skip
-    assert many.critical_value < both.critical_value
-    assert set(both.pairs[0].differences) == {"x", "y"}
 
 
 def test_five_rooms_or_fewer_show_nothing_and_six_show_what_holds_in_all():
@@ -122,22 +109,6 @@ def test_equal_flights_are_no_certainty():
     assert 0.2 < found.differences["x"].high < 0.3
 
 
-def test_figures_that_make_no_sense_are_refused():
-    with pytest.raises(ShapeError, match="finite"):
-        compared(np.full((4, 3), math.inf))
-    with pytest.raises(ShapeError, match="one shape"):
-        compare_entries(
-            {"x": np.zeros((4, 3)), "y": np.zeros((4, 2))}, ranked_by="x", lower_is_better=True, units=single(4)
-        )
-
-
-def test_means_of_columns_have_students_interval():
-    values = np.random.default_rng(5).normal(size=(30, 2))
-    found = estimate_means(values, single(30))
-    low, high = stats.ttest_1samp(values[:, 0], 0.0).confidence_interval()
-    assert (found[0].low, found[0].high) == pytest.approx((low, high))
-
-
 def suite(rng, quality, n_rooms):
     """Return successes and units of a suite: rooms, plumes and flights, each with its own effect on each entry."""
     n_entries, room = len(quality), np.repeat(np.arange(n_rooms), 4)
@@ -149,7 +120,7 @@ def suite(rng, quality, n_rooms):
     return {"score": score, "success": success.astype(float)}, find_sampling_units(room, plume, plume), plume
 
 
-@pytest.mark.parametrize(("n_entries", "n_rooms"), [(2, 6), (6, 14), (12, 30)])
+@pytest.mark.parametrize(("n_entries", "n_rooms"), [(2, 6), (12, 30)])
 def test_equal_entries_seldom_get_other_than_the_first_rank_however_many_there_are(n_entries, n_rooms):
     """A leader against each next one gave more than one rank in half of the suites with 6, and two thirds with 12."""
     rng, n_suites, split = np.random.default_rng([6, n_entries]), 100, 0
@@ -179,19 +150,6 @@ def test_all_intervals_together_hold_known_differences_and_ranks_the_true_order(
         ranked += all(low <= 6 - i <= high for i, (low, high) in enumerate(found.ranks))
     assert held >= stats.binom.ppf(0.001, n_suites, 0.95)
     assert ranked >= stats.binom.ppf(0.001, n_suites, 0.95)
-
-
-def test_entries_of_known_quality_are_put_in_order():
-    """Oracle, two equal methods and a blind walk, on cases of very different difficulty."""
-    rng, right, tied = np.random.default_rng(19), 0, 0
-    for _ in range(40):
-        case = rng.lognormal(0.0, 0.7, 120)
-        columns = [np.minimum(mean_s * case * rng.exponential(1.0, 120), 300.0) for mean_s in (30, 120, 120, 500)]
-        ranks = compared(np.stack(columns, axis=1), n_signs=500).ranks
-        right += ranks[0] == (1, 1) and ranks[3] == (4, 4)
-        tied += ranks[1] == ranks[2] == (2, 3)
-    assert right == 40
-    assert tied >= 33
 
 
 def test_equal_entries_seldom_differ_where_one_room_has_a_quarter_of_the_weight():

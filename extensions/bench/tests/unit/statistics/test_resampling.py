@@ -25,14 +25,6 @@ def test_rows_of_a_cluster_come_together():
         assert counts.sum() == 4
 
 
-def test_clusters_of_different_size_come_together():
-    clusters = np.array([0, 0, 0, 1, 2])
-    for rows in iterate_row_draws(5, clusters=clusters, n_draws=50):
-        counts = np.bincount(rows[0], minlength=5)
-        assert counts[0] == counts[1] == counts[2]
-        assert counts[0] + counts[3] + counts[4] == 2
-
-
 def test_strata_that_share_clusters_are_drawn_together():
     """Starts (strata) that met the same gas (clusters): each draw has every start equally often, and whole gases."""
     strata, clusters = np.repeat([0, 1, 2], 4), np.tile([0, 1, 2, 3], 3)
@@ -47,16 +39,6 @@ def test_the_same_seed_draws_the_same_rows_and_labels_do_not_matter():
     again = drawn(6, seed=3, clusters=np.array(["x", "z", "z", "y", "y", "x"]))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, drawn(6, seed=4, clusters=np.array([5, 1, 1, 9, 9, 5])))
-
-
-def test_a_cluster_bootstrap_of_copies_is_as_wide_as_that_of_single_rows():
-    """Ten copies of each of 40 values say no more than the 40 values."""
-    values = np.random.default_rng(1).normal(size=40)
-    copies = np.repeat(values, 10)
-    one = bootstrap(40, lambda rows: values[rows].mean(axis=1))
-    ten = bootstrap(400, lambda rows: copies[rows].mean(axis=1), clusters=np.repeat(np.arange(40), 10))
-    assert (ten.low, ten.high) == pytest.approx((one.low, one.high), abs=0.03)
-    assert ten.value == pytest.approx(one.value)
 
 
 @pytest.mark.parametrize("repetitions", [2, 3, 10])

@@ -4,20 +4,11 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.roc import localisation_roc, roc
 
 # Ratings 1 to 5 of CT images of 58 normal and 51 abnormal patients, Hanley and McNeil 1982, table I.
 RATING = np.repeat(np.tile(np.arange(1.0, 6.0), 2), [33, 6, 6, 11, 2, 3, 2, 2, 11, 33])
 ABNORMAL = np.repeat([False, True], [58, 51])
-
-
-def test_area_of_hanley_and_mcneil():
-    """Their table II: area 0.893, standard error 0.032."""
-    ours = roc(RATING, ABNORMAL)
-    assert ours.area.value == pytest.approx(0.893, abs=5e-4)
-    assert (ours.area.high - ours.area.low) / (2 * 1.96) == pytest.approx(0.032, abs=0.003)
-    assert (ours.n_positive, ours.n_negative, ours.area.n) == (51, 58, 109)
 
 
 def test_area_is_mann_whitneys_and_that_under_the_curve():
@@ -59,12 +50,6 @@ def test_a_perfect_area_is_not_certain():
     assert (worst.value, worst.low, worst.high) == pytest.approx((0.0, 0.0, 1.0 - ours.low))
 
 
-def test_silence_everywhere_is_a_coin():
-    ours = roc(np.zeros(30), np.repeat([True, False], 15))
-    assert ours.area.value == 0.5
-    assert ours.area.low < 0.4 < 0.6 < ours.area.high
-
-
 def test_without_controls_the_area_is_undefined():
     ours = roc(np.array([0.3, 0.4]), np.array([True, True]))
     assert math.isnan(ours.area.value)
@@ -77,8 +62,3 @@ def test_a_declaration_elsewhere_never_counts_as_found():
     assert ours.true_positive[-1] == pytest.approx(0.5)
     assert ours.area.value == pytest.approx(0.5)
     assert roc(score, np.array([True, True, False, False])).area.value == 1.0
-
-
-def test_scores_that_are_no_numbers_are_refused():
-    with pytest.raises(ShapeError, match="finite"):
-        roc(np.array([math.nan]), np.array([True]))

@@ -35,11 +35,6 @@ def test_equal_seeds_of_gas_in_two_rooms_are_two_plumes():
     assert units.n_plumes == 6
 
 
-def test_units_of_some_flights_are_numbered_anew():
-    units = find_sampling_units(*nested(7, 2, 1)).select(np.arange(4, 14))
-    assert (units.level, units.n, units.unit.tolist()) == ("rooms", 5, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4])
-
-
 def test_nothing_and_labels_of_other_lengths():
     assert find_sampling_units([], [], []).n == 0
     with pytest.raises(ShapeError, match="plumes 1"):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.sampling_units import find_sampling_units
 from gslcosim_bench.statistics.times import (
     cumulative_success,
@@ -34,25 +33,6 @@ def test_cumulative_success_is_the_share_that_has_reached():
     assert curve.n == 4
 
 
-def test_curves_without_trials_are_undefined():
-    assert np.all(
-        np.isnan(cumulative_success(np.array([]), np.array([]), np.array([1.0]), find_sampling_units([], [], [])).value)
-    )
-
-
-@pytest.mark.extras
-def test_restricted_mean_is_the_area_of_lifelines():
-    from lifelines import KaplanMeierFitter
-    from lifelines.utils import restricted_mean_survival_time
-
-    time_s, reached = flights()
-    area_s = restricted_mean_survival_time(KaplanMeierFitter().fit(time_s, reached), LIMIT_S)
-    ours = restricted_mean(time_s, reached, LIMIT_S)
-    assert ours.value == pytest.approx(area_s)
-    counted_s = np.where(reached, time_s, LIMIT_S)
-    assert (ours.low, ours.high) == pytest.approx(stats.t.interval(0.95, 59, area_s, stats.sem(counted_s)))
-
-
 def test_interval_of_the_restricted_mean_has_greenwoods_variance():
     """var = sum_i A_i^2 d_i / (Y_i (Y_i - d_i)), A_i the area right of t_i, for times without ties."""
     time_s = np.array([20.0, 50.0, 70.0, 120.0, 260.0, 300.0, 300.0])
@@ -70,12 +50,6 @@ def test_failures_count_the_limit_whenever_they_ended():
     early = restricted_mean(np.array([5.0, 100.0]), np.array([False, True]), LIMIT_S)
     assert early.value == pytest.approx((300.0 + 100.0) / 2)
     assert restricted_mean(np.array([math.nan, 100.0]), np.array([False, True]), LIMIT_S).value == early.value
-
-
-def test_each_trial_may_have_its_own_limit():
-    limits_s = np.array([300.0, 200.0, 100.0])
-    ours = restricted_mean(np.array([50.0, 1.0, 1.0]), np.array([True, False, False]), limits_s)
-    assert ours.value == pytest.approx((50 + 200 + 100) / 3)
 
 
 def test_a_restricted_mean_without_success_is_not_certain():
@@ -115,11 +89,6 @@ def test_expected_running_time_of_a_hand_computed_example():
     assert ours.high == math.inf
     none = expected_running_time(np.array([300.0, 300.0]), np.array([False, False]))
     assert (none.value, none.low, none.high) == (math.inf, math.inf, math.inf)
-
-
-def test_expected_running_time_needs_every_time():
-    with pytest.raises(ShapeError, match="1 of 2"):
-        expected_running_time(np.array([10.0, math.nan]), np.array([True, False]))
 
 
 def test_mean_of_successes_leaves_failures_out():

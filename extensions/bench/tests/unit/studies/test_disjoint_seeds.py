@@ -53,11 +53,6 @@ def test_every_name_is_one_that_a_suite_takes():
         Suite.model_validate(loaded.suite.model_dump(by_alias=True))
 
 
-def test_all_combinations_are_run_the_last_parameter_fastest():
-    settings = settings_of("a", {"x": (1, 2), "y": (3, 4)})
-    assert [tuple(setting.parameters.values()) for setting in settings] == [(1, 3), (1, 4), (2, 3), (2, 4)]
-
-
 def test_settings_meet_the_same_cases_seeds_and_plumes_as_in_the_suite():
     subject = find_target("smoke", "dung_beetle")
     plan = build_plan(build_study_suite(subject, settings_of("b", {"leg_m": (0.5, 1.0)}), name="s"))

@@ -1,16 +1,12 @@
 """Search for failures: what is drawn, what is ranked, and what failures have in common."""
 
 import json
-import re
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim.cli.arguments import build_parser, parse
-from gslcosim.cli.main import list_groups
 from gslcosim_bench.studies.failure_output import (
     describe_common,
     draw_failures,
@@ -20,9 +16,6 @@ from gslcosim_bench.studies.failure_output import (
 from gslcosim_bench.studies.failures import FailureFinder
 from gslcosim_bench.studies.search_space import find_space
 
-GROUPS = list_groups()
-
-PAGE = Path(__file__).parents[5] / "docs" / "benchmark" / "failures.md"
 SENSOR = "agents[0].sensors[0].model=pid,tgs2600"
 RATE = "gas.sources[0].filaments_per_s=3:30:log"
 
@@ -87,17 +80,6 @@ def test_what_failures_have_in_common_is_found(search):
     assert "where sensors[0].model is tgs2600: 100 %" in describe_common(search)
 
 
-def test_cases_beside_another_differ_from_it_in_one_or_two_things(search):
-    cases = {each.case.name: each.case for each in search.outcomes}
-    beside = [case for case in cases.values() if case.parent and not case.again]
-    for case in beside:
-        parent = cases[case.parent]
-        changed = sum(a != b for a, b in zip(case.levels, parent.levels, strict=True)) + (case.places != parent.places)
-        assert changed <= 2
-        assert case.root == parent.root
-    assert any(case.places != cases[case.parent].places for case in beside)
-
-
 def test_levels_stay_within_what_is_searched():
     sensor, rate = find_space("tiny_room", [SENSOR, RATE]).factors
     rng = np.random.default_rng(0)
@@ -151,8 +133,3 @@ def test_the_report_names_each_case_with_its_command(search, tmp_path):
     json.dumps(failures_to_json(search), allow_nan=False)
     assert "<script" not in page
     assert draw_failures(tmp_path, [each.outcome for each in search.failures]) == {}
-
-
-@pytest.mark.parametrize("line", re.findall(r"^gslcosim bench failures.*", PAGE.read_text(), re.MULTILINE))
-def test_every_command_on_the_page_is_a_call_that_can_be_parsed(line):
-    assert parse(build_parser(GROUPS, version="0"), GROUPS, shlex.split(line)[1:]).command == "bench"

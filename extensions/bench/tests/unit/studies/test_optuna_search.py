@@ -7,7 +7,7 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
 from gslcosim_bench.studies.target import ParameterRange
-from gslcosim_bench.studies.tuning import STUDY_NAME, OptunaSearch
+from gslcosim_bench.studies.tuning import OptunaSearch
 
 RANGES = (
     ParameterRange(name="x", low=0.1, high=2.0),
@@ -53,24 +53,6 @@ def test_settings_are_within_their_ranges_and_short_to_write(tmp_path):
         assert all(each.low <= values[each.name] <= each.high for each in RANGES)
         assert isinstance(values["n"], int)
         assert len(f"{values['x']!r}") <= 7
-
-
-@pytest.mark.extras
-def test_the_search_comes_nearer_to_the_best(tmp_path):
-    asked = searched(tmp_path / "a.log", seed=1, batches=[4] * 10)
-    mean = [sum(map(score, part)) / len(part) for part in (asked[:8], asked[-8:])]
-    assert mean[1] > mean[0]
-
-
-@pytest.mark.extras
-def test_the_study_is_one_that_optuna_reads(tmp_path):
-    import optuna
-
-    asked = searched(tmp_path / "a.log", seed=3, batches=[4, 4])
-    backend = optuna.storages.journal.JournalFileBackend(str(tmp_path / "a.log"))
-    study = optuna.load_study(study_name=STUDY_NAME, storage=optuna.storages.JournalStorage(backend))
-    assert len(study.trials) == len(asked) + 1
-    assert study.best_value == max([*map(score, asked), score({"x": 1.0, "n": 4})])
 
 
 def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch, capsys):
