@@ -134,12 +134,3 @@ def test_a_terminal_that_is_too_small_is_one_sentence(tmp_path):
     assert terminal.seen.decode().strip() == (
         "fly: expected a terminal of at least 72 columns and 22 rows, was 60 x 20. Enlarge it, or take a smaller font."
     )
-
-
-def test_without_a_terminal_it_is_one_sentence(tmp_path):
-    ended = subprocess.run(
-        [*COMMAND, "fly", str(TINY_ROOM), "--runs-dir", str(tmp_path)], stdin=subprocess.DEVNULL, capture_output=True,
-        text=True, check=False, timeout=PROCESS_S,
-    )  # fmt: skip
-    assert ended.returncode == 2
-    assert "expected a terminal as standard input and output, was none" in ended.stderr

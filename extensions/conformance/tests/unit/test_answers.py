@@ -77,12 +77,6 @@ def test_a_right_command_has_no_problem(changes):
     assert answer.tick == 5
 
 
-def test_a_tiny_number_among_sane_ones_is_no_question_of_byte_order():
-    """Half of all velocities along an axis have a sine of a half turn in them."""
-    fields = {"tick": 5, "kind": "velocity", "velocity_world_m_s": [-0.5, math.sin(math.pi), 0.0]}
-    assert read_answer(msgpack.packb(fields)).problem is None
-
-
 @pytest.mark.parametrize(
     ("rule", "text"),
     [

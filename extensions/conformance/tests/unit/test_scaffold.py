@@ -5,7 +5,6 @@ import re
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim_conformance.scaffold import create_agent, list_languages
 
 
@@ -27,11 +26,6 @@ def test_it_says_how_to_build_check_and_run(language, tmp_path):
     *_, first = [line for line in created.as_text().splitlines() if "cd " in line]
     assert first.split() == ["cd", str(created.folder)]
     assert [line for line in created.as_text().splitlines()[2:] if line.strip() not in readme] == []
-
-
-def test_the_python_agent_can_be_loaded_under_its_name(tmp_path):
-    create_agent("python", "gas_finder", tmp_path / "new")
-    assert load_python_agent(tmp_path / "new" / "agent.py").__name__ == "GasFinder"
 
 
 @pytest.mark.parametrize(

@@ -51,13 +51,6 @@ def test_a_waypoint_outside_of_the_room_is_refused():
     assert world.notice is not None
 
 
-def test_a_velocity_moves_the_vehicle_for_as_long_as_it_holds():
-    world = ScriptedWorld(1)
-    x_m, y_m, z_m = world.position_m
-    world.obey(Command(tick=0, kind="velocity", velocity_world_m_s=(0.5, 0.0, 0.0), hold_s=2.0))
-    assert world.position_m == (x_m + 1.0, y_m, z_m)
-
-
 def test_fields_of_a_later_version_change_nothing_for_who_reads_by_name():
     observation = fly(1)[5]
     later = add_unknown_fields(observation.model_dump())
@@ -65,10 +58,3 @@ def test_fields_of_a_later_version_change_nothing_for_who_reads_by_name():
     assert later["readings"][0].keys() > observation.model_dump()["readings"][0].keys()
     briefing = codec.decode(Briefing, msgpack.packb(add_unknown_fields(build_briefing(1).model_dump())))
     assert briefing.contract_version.endswith(".99")
-
-
-def test_messages_without_optional_fields_are_the_same_to_who_takes_the_defaults():
-    observation = fly(1)[5]
-    fields = observation.model_dump(exclude_defaults=True)
-    assert "notice" not in fields
-    assert codec.decode(Observation, msgpack.packb(fields)) == observation

@@ -171,9 +171,81 @@ def mutant(agent_type):
     return agent_type
 
 
-def with_command(**changes):
-    """Return a decide method that changes some fields of the right command."""
-    return lambda self, fields: {**RightAgent.decide(self, fields), **changes}
+# Fields that are wrong in each command.
+WRONG_FIELDS = {
+    "not_a_number": {"position_world_m": [math.nan, 1.0, 1.0]},
+    "infinite": {"hold_s": math.inf},
+    "reason_is_a_number": {"reason": 5},
+    "unknown_kind": {"kind": "goto"},
+    "claims_to_have_failed": {"kind": "failed"},
+    "waypoint_to_nowhere": {"position_world_m": None},
+    "other_contract": {"contract": "9.0"},
+    "number_as_key": {7: "seven"},
+    "huge": {"map": bytes(8_000_000)},
+}
+# Wrong ticks, of the right one and the number of answers before.
+WRONG_TICKS = {
+    "tick_plus_one": lambda tick, _: tick + 1,
+    "tick_minus_one": lambda tick, _: tick - 1,
+    "tick_counted": lambda _, n_answers: n_answers,
+    "tick_float": lambda tick, _: float(tick),
+    "tick_text": lambda tick, _: str(tick),
+    "tick_32_bit": lambda tick, _: tick & 0xFFFF,
+}
+# Wrong positions of a command, of the right one; the first are those of a hand-written packer on a common machine.
+WRONG_POSITIONS = {
+    "numbers_little_endian": lambda _: [struct.unpack("<d", struct.pack(">d", v))[0] for v in (2.0, 3.5, 1.5)],
+    "position_as_big_endian_array": lambda place: {
+        "dtype": "float64",
+        "shape": [3],
+        "data": struct.pack(">3d", *place),
+    },
+}
+# How a command is sent where that is not right.
+WRONG_SENDING = {
+    "not_msgpack": lambda wire, _: wire.send_bytes(b"\xc1 garbage"),
+    "without_length": lambda wire, command: wire.send_raw(msgpack.packb(command)),
+    "in_latin_1": lambda wire, command: wire.send_bytes(
+        json.dumps(command | {"reason": "größe"}, ensure_ascii=False).encode("latin-1")
+    ),
+    "a_list": lambda wire, command: wire.send_bytes(
+        msgpack.packb([command["tick"], "waypoint", *command["position_world_m"]])
+    ),
+    "two_objects_on_a_line": lambda wire, command: wire.send_bytes((json.dumps(command) * 2).encode()),
+    "wrong_map": lambda wire, command: wire.send(
+        {"tick": command["tick"], "cmd": "goto", "target": command["position_world_m"]}
+    ),
+}
+WRONG_COMMANDS = {
+    **{name: lambda _, command, f=fields: command | f for name, fields in WRONG_FIELDS.items()},
+    **{
+        name: lambda agent, command, f=tick_of: command | {"tick": f(command["tick"], agent.n_answers)}
+        for name, tick_of in WRONG_TICKS.items()
+    },
+    **{
+        name: lambda _, command, f=place_of: command | {"position_world_m": f(command["position_world_m"])}
+        for name, place_of in WRONG_POSITIONS.items()
+    },
+}
+# What it does at the message that ends a run, and where the transport ends without one.
+WRONG_ENDS = {
+    "never_exits": {"end": lambda _: threading.Event().wait(), "lose": lambda _: threading.Event().wait()},
+    "thread_left_over": {"end": lambda _: threading.Thread(target=threading.Event().wait).start()},
+    "ignores_stream_end": {"lose": lambda _: threading.Event().wait()},
+    "exits_with_3": {"end": lambda _: 3},
+}
+
+
+def add_mutants():
+    """Register the mutants of the tables."""
+    methods = {
+        **{name: {"reply": lambda agent, command, f=f: agent.wire.send(f(agent, command))}
+           for name, f in WRONG_COMMANDS.items()},
+        **{name: {"reply": lambda agent, command, f=f: f(agent.wire, command)} for name, f in WRONG_SENDING.items()},
+        **WRONG_ENDS,
+    }  # fmt: skip
+    for name, own in methods.items():
+        MUTANTS[name] = type(name, (RightAgent,), own)
 
 
 # ---------------------------------------------------------------- start, time, end
@@ -235,34 +307,6 @@ class closes_output(RightAgent):
 
 
 @mutant
-class never_exits(RightAgent):
-    def end(self):
-        threading.Event().wait()
-
-    def lose(self):
-        threading.Event().wait()
-
-
-@mutant
-class thread_left_over(RightAgent):
-    def end(self):
-        threading.Thread(target=threading.Event().wait).start()
-        return 0
-
-
-@mutant
-class ignores_stream_end(RightAgent):
-    def lose(self):
-        threading.Event().wait()
-
-
-@mutant
-class exits_with_3(RightAgent):
-    def end(self):
-        return 3
-
-
-@mutant
 class waits_for_a_question(RightAgent):
     def end(self):
         if self.n_answers == 0:
@@ -305,87 +349,6 @@ class waits_for_its_helper(RightAgent):
 
 
 @mutant
-class tick_plus_one(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": command["tick"] + 1})
-
-
-@mutant
-class tick_minus_one(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": command["tick"] - 1})
-
-
-@mutant
-class tick_counted(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": self.n_answers})
-
-
-@mutant
-class tick_float(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": float(command["tick"])})
-
-
-@mutant
-class tick_text(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": str(command["tick"])})
-
-
-@mutant
-class tick_32_bit(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"tick": command["tick"] & 0xFFFF})
-
-
-@mutant
-class not_a_number(RightAgent):
-    decide = with_command(position_world_m=[math.nan, 1.0, 1.0])
-
-
-@mutant
-class infinite(RightAgent):
-    decide = with_command(hold_s=math.inf)
-
-
-@mutant
-class reason_is_a_number(RightAgent):
-    decide = with_command(reason=5)
-
-
-@mutant
-class number_as_key(RightAgent):
-    def reply(self, command):
-        super().reply(command | {7: "seven"})
-
-
-@mutant
-class numbers_little_endian(RightAgent):
-    """As of a hand-written packer on a common machine."""
-
-    def decide(self, fields):
-        command = super().decide(fields)
-        command["position_world_m"] = [struct.unpack("<d", struct.pack(">d", v))[0] for v in (2.0, 3.5, 1.5)]
-        return command
-
-
-@mutant
-class position_as_big_endian_array(RightAgent):
-    def decide(self, fields):
-        command = super().decide(fields)
-        data = struct.pack(">3d", *command["position_world_m"])
-        return command | {"position_world_m": {"dtype": "float64", "shape": [3], "data": data}}
-
-
-@mutant
-class not_msgpack(RightAgent):
-    def reply(self, command):
-        self.wire.send_bytes(b"\xc1 garbage")
-
-
-@mutant
 class key_twice(RightAgent):
     """As of a writer that joins pieces of text."""
 
@@ -397,66 +360,10 @@ class key_twice(RightAgent):
 
 
 @mutant
-class without_length(RightAgent):
-    def reply(self, command):
-        self.wire.send_raw(msgpack.packb(command))
-
-
-@mutant
-class in_latin_1(RightAgent):
-    def reply(self, command):
-        self.wire.send_bytes(json.dumps(command | {"reason": "größe"}, ensure_ascii=False).encode("latin-1"))
-
-
-@mutant
-class a_list(RightAgent):
-    def reply(self, command):
-        self.wire.send_bytes(msgpack.packb([command["tick"], "waypoint", *command["position_world_m"]]))
-
-
-@mutant
 class prints(RightAgent):
     def reply(self, command):
         self.wire.send_raw(b"deciding for tick %d\n" % command["tick"])
         super().reply(command)
-
-
-@mutant
-class two_objects_on_a_line(RightAgent):
-    def reply(self, command):
-        self.wire.send_bytes((json.dumps(command) + json.dumps(command)).encode())
-
-
-@mutant
-class wrong_map(RightAgent):
-    def reply(self, command):
-        self.wire.send({"tick": command["tick"], "cmd": "goto", "target": command["position_world_m"]})
-
-
-@mutant
-class unknown_kind(RightAgent):
-    decide = with_command(kind="goto")
-
-
-@mutant
-class claims_to_have_failed(RightAgent):
-    decide = with_command(kind="failed")
-
-
-@mutant
-class waypoint_to_nowhere(RightAgent):
-    decide = with_command(position_world_m=None)
-
-
-@mutant
-class huge(RightAgent):
-    def reply(self, command):
-        super().reply(command | {"map": bytes(8_000_000)})
-
-
-@mutant
-class other_contract(RightAgent):
-    decide = with_command(contract="9.0")
 
 
 @mutant
@@ -632,5 +539,6 @@ class hangs_up(RightAgent):
 
 
 if __name__ == "__main__":
+    add_mutants()
     name, door, frame_format = sys.argv[1:4]
     sys.exit(MUTANTS[name](door, frame_format).fly())

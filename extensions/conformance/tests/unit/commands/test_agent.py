@@ -21,23 +21,13 @@ def test_a_broken_rule_is_exit_code_1_and_json_is_alone_on_stdout(capsys):
     assert "flight: first" in output.err
 
 
-@pytest.mark.slow
-def test_the_report_for_people_names_rule_and_remedy(capsys):
-    assert main(["agent", "check", "--door", "stdio", "--", *END_AT_ONCE]) == 1
-    text = capsys.readouterr().out
-    assert text.startswith("FAIL  joins")
-    assert "remedy" in text
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
         (["agent", "check", "--", "./there-is-no-such-agent"], "expected an agent's command that can be started"),
-        (["agent", "check"], "the following arguments are required: COMMAND"),
         (["agent", "check", "--door", "window", "--", "true"], "expected one of zenoh, stdio, tcp, unix, was 'window'"),
         (["agent", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
         (["participant", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
-        (["agent"], "the following arguments are required: ACTION"),
         (["agent", "new", "cobol", "x"], "expected one of the languages python"),
         (["agent", "chekc", "--", "true"], "was 'chekc'. Did you mean check? See"),
     ],

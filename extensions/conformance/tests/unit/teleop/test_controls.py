@@ -22,11 +22,6 @@ def test_a_step_goes_from_where_the_vehicle_is(key, place):
     assert (command.kind, command.tick, command.position_world_m) == ("waypoint", 5, place)
 
 
-def test_three_keys_are_three_steps():
-    it = controls()
-    assert [it.press("d").position_world_m[0] for _ in range(3)] == [4, 5, 6]
-
-
 def test_after_a_refusal_or_a_hold_a_step_begins_where_the_vehicle_is():
     it = controls()
     it.press("d")
@@ -73,15 +68,3 @@ def test_turn_by_turn_a_command_is_given_once_for_each_question():
     assert it.press("d").tick == 9
     assert not it.is_asked
     assert it.press("d") is None
-
-
-def test_before_anything_is_seen_no_command_is_given():
-    it = KeyControls(briefing())
-    assert it.press("d") is None
-    assert it.note == "Nothing is seen yet."
-
-
-def test_another_key_is_named():
-    it = controls()
-    assert it.press("z") is None
-    assert it.note == "No such key: z."

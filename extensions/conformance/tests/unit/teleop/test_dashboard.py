@@ -90,7 +90,3 @@ def test_it_fits_the_terminal(columns, rows):
     assert len(lines) <= rows
     assert max(map(len, lines)) <= columns
     assert "give up" in lines[-1]
-
-
-def test_a_terminal_that_has_become_too_small_says_so():
-    assert shown(observation(1), columns=60, rows=30) == ["The terminal is too small: it needs 72 x 22."]
