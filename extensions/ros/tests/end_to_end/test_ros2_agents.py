@@ -2,7 +2,6 @@
 
 import queue
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
+from free_endpoints import find_free_endpoint
 from real_runs import TINY_ROOM, fly, start
 
 from gslcosim_ros.actions import ActionClient, CancelCode, GoalStatus
@@ -75,9 +75,7 @@ class Node:
 def test_a_node_in_lockstep_flies_as_the_same_rule_in_python(tmp_path):
     native = fly(TINY_ROOM, tmp_path / "native", *LOCKSTEP, "--set", f"agents[0].start.python={AGENTS / 'ros_twin.py'}")
     assert native.result["valid"] is True, native.errors
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     with RosSession.open(RosTypes("jazzy"), endpoint=endpoint) as session:
         node, start_by = Node(session), f"agents[0].start={{ros2: {{endpoint: '{endpoint}'}}}}"
         flight = start(TINY_ROOM, tmp_path / "ros", *LOCKSTEP, "--set", start_by)
@@ -137,9 +135,7 @@ class Pilot:
 
 
 def test_a_run_of_kilted_serves_who_comes_late_and_outlives_who_stops_reading(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     late, unanswered = queue.SimpleQueue(), []
     with (
         RosSession.open(RosTypes("kilted"), endpoint=endpoint) as session,
@@ -219,9 +215,7 @@ class FreePilot:
 
 
 def test_a_node_commands_a_run_that_does_not_wait(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     free = ("agents[0].mode=free", "pace=5", "referee.stop.time_limit_s=3600")
     success = "referee.success={of: declaration, within_m: 0.5}"
     words = [word for value in (*free, success) for word in ("--set", value)]
@@ -234,9 +228,7 @@ def test_a_node_commands_a_run_that_does_not_wait(tmp_path):
 
 
 def test_goals_of_nav2_send_the_vehicle_on(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     types, told = RosTypes("kilted"), queue.SimpleQueue()
     define_navigation(types)
     with RosSession.open(types, endpoint=endpoint) as session:

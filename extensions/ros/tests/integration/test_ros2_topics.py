@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from free_endpoints import find_free_endpoint
 
 import gslcosim_data
 from gslcosim.cli.main import main
@@ -41,9 +42,7 @@ UP = ["up", "tiny_room", "--in-process", "--json", "--set", f"agents[0].sensors=
 
 @pytest.fixture
 def endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return find_free_endpoint()
 
 
 class Listener:

@@ -2,12 +2,12 @@
 
 import json
 import queue
-import socket
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
+from free_endpoints import find_free_endpoint
 
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.cli.main import main
@@ -53,10 +53,7 @@ def test_a_response_about_gas_has_the_bytes_of_its_type():
 @pytest.fixture(scope="module")
 def served():
     """A simulation with its services, and what calls one of them."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    endpoint, reports = f"tcp/127.0.0.1:{port}", queue.SimpleQueue()
+    endpoint, reports = find_free_endpoint(), queue.SimpleQueue()
     theirs = RosTypes("jazzy")
     define_interfaces(theirs)
     with (
@@ -83,7 +80,7 @@ def served():
             wanted = theirs.make("simulation_interfaces/msg/SimulationState", state=int(state))
             return call("set_simulation_state", state=wanted).result
 
-        yield simulation, services, call, set_state, theirs, port
+        yield simulation, services, call, set_state, theirs, endpoint
 
 
 @pytest.fixture
@@ -151,10 +148,10 @@ def test_states_change_as_the_standard_says_and_only_a_paused_simulation_is_step
 
 
 def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
-    simulation, _, call, set_state, _, port = paused
+    simulation, _, call, set_state, _, endpoint = paused
     types, told = RosTypes("jazzy"), queue.SimpleQueue()
     define_interfaces(types)
-    with RosSession.open(types, endpoint=f"tcp/127.0.0.1:{port}") as session:
+    with RosSession.open(types, endpoint=endpoint) as session:
         path, kind = "/gslcosim/simulate_steps", interfaces.SIMULATE_STEPS
         client = ActionClient(session, session.create_node("stepper"), path, kind, told.put)
         session.wait_for("SS", f"{path}/_action/get_result", PATIENCE_S)
@@ -194,7 +191,7 @@ def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
         assert wait_for_result(simulate(1)) == refused
         assert set_state(State.PAUSED).result == OK
         # The goal of one who leaves goes on, and others may ask how it ended.
-        tick, endpoint = simulation.tick, f"tcp/127.0.0.1:{port}"
+        tick = simulation.tick
         with RosSession.open(types, endpoint=endpoint) as leaving:
             other = ActionClient(leaving, leaving.create_node("leaver"), path, kind)
             leaving.wait_for("SS", f"{path}/_action/send_goal", PATIENCE_S)
@@ -276,28 +273,8 @@ def test_gas_and_wind_of_gaden_are_those_of_sample(paused, tmp_path):
     assert call("step_simulation", steps=1).result.result == OK
 
 
-def test_a_package_of_others_steps_it_and_asks_for_gas(paused):
-    sdk = pytest.importorskip("zenoh_ros2_sdk", reason="needs zenoh-ros2-sdk, of test-all")
-    simulation, _, _, _, _, port = paused
-    peer = {"router_ip": "127.0.0.1", "router_port": port, "timeout": PATIENCE_S}
-    points = "float64[] x\nfloat64[] y\nfloat64[] z"
-    try:
-        wind = sdk.ROS2ServiceClient(
-            "/wind_value", interfaces.GADEN_WIND, request_definition=points,
-            response_definition="float64[] u\nfloat64[] v\nfloat64[] w", **peer,
-        )  # fmt: skip
-        answer = wind.call(x=np.array([2.0]), y=np.array([2.0]), z=np.array([1.0]))
-        np.testing.assert_allclose(
-            [answer.u[0], answer.v[0], answer.w[0]], simulation.truth.wind_m_s([2.0, 2.0, 1.0])[0]
-        )
-    finally:
-        sdk.ZenohSession.get_instance(**{key: peer[key] for key in ("router_ip", "router_port")}).close()
-
-
 def test_the_command_serves_until_a_client_lets_it_quit(capsys):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     codes = []
     words = ["step", "tiny_room", "--ros2", "--ros-distro", "kilted", "--set", f"ros2={{endpoint: '{endpoint}'}}"]
     server = threading.Thread(target=lambda: codes.append(main(words)))

@@ -1,10 +1,10 @@
 """Actions: goals are accepted, told of, canceled and ended, whoever vanishes meanwhile."""
 
 import queue
-import socket
 
 import numpy as np
 import pytest
+from free_endpoints import find_free_endpoint
 
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 pytest.importorskip("rosbags", reason="needs the extra ros")
@@ -33,9 +33,7 @@ def define(distribution="jazzy"):
 @pytest.fixture
 def count():
     """Goals that a server gets, a client of another session, what it is told, its session, and a caller of services."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = find_free_endpoint()
     goals, told = queue.SimpleQueue(), queue.SimpleQueue()
     with (
         RosSession.open(define(), endpoint=endpoint) as session,

@@ -1,7 +1,6 @@
 """Bags of robot logs: every reading is the right one or is named, whatever names its type and whatever was cut off."""
 
 import os
-import shutil
 from dataclasses import dataclass
 
 import numpy as np
@@ -278,14 +277,6 @@ def test_damaged_chunks_are_named(tmp_path):
         read_bag_log(file, [NOSE, WIND])
 
 
-def test_files_that_the_description_of_a_bag_lacks_are_named(tmp_path):
-    bag = ros2_bag(tmp_path / "walk", *ROS2)
-    (file,) = bag.glob("*.db3")
-    shutil.copy(file, bag / "walk_1.db3")
-    with pytest.raises(UsageError, match=r"lacks walk_1\.db3"):
-        read_bag_log(bag, [NOSE, WIND])
-
-
 def test_a_folder_that_is_no_bag_is_named(tmp_path):
     with pytest.raises(UsageError, match=r"expected a folder of rosbag2 with metadata\.yaml, or \.mcap or \.bag files"):
         read_bag_log(tmp_path, [NOSE])
@@ -367,20 +358,6 @@ def test_parts_of_an_array_are_topics(tmp_path, ros):
 def test_a_sensor_without_readings_is_named(tmp_path, topics, sensors, given, remark):
     log = read_bag_log(ros2_bag(tmp_path / "a", pose(), *topics), sensors, topics=given)
     assert log.remarks[0].startswith(remark)
-
-
-def test_a_topic_without_messages_is_named(tmp_path):
-    from rosbags.rosbag2 import Writer
-
-    store = store_of(2)
-    with Writer(tmp_path / "a", version=9) as bag:
-        topic = pose()
-        connection = bag.add_connection(topic.name, topic.kind, typestore=store)
-        bag.add_connection("/nose", "olfaction_msgs/msg/GasSensor", typestore=store)
-        for _, time_ns, message in messages(store, [topic]):
-            bag.write(connection, time_ns, store.serialize_cdr(message, topic.kind))
-    remark = "nose: expected messages of /nose, found none; it has no readings."
-    assert read_bag_log(tmp_path / "a", [NOSE]).remarks == (remark,)
 
 
 TWO_ROBOTS = (

@@ -135,12 +135,6 @@ def test_a_blank_message_has_zeros_and_nothing_else(distribution):
     assert types.to_cdr(types.make_blank("std_msgs/msg/Header")).hex() == "00010000" + "00" * 8 + "01000000" + "00"
 
 
-def test_humble_has_no_hashes():
-    types = RosTypes("humble")
-    types.define_service("std_srvs/srv/Trigger", "", "bool success\nstring message")
-    assert {types.hash(kind) for kind in ("std_msgs/msg/Float32", "std_srvs/srv/Trigger")} == {"TypeHashNotSupported"}
-
-
 def test_a_service_by_text_of_nested_types_is_written_and_read():
     types = RosTypes("jazzy")
     types.define_message("gaden_msgs/msg/GasInCell", "float64[] concentration")
