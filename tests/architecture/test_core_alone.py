@@ -51,23 +51,22 @@ def _list_needed(extension: str) -> set[str]:
 
 
 @pytest.fixture(scope="session")
-def core(tmp_path_factory) -> Path:
-    """The core as it is installed from a checkout without extensions."""
+def core(tmp_path_factory) -> list[Path]:
+    """What is installed of the core from a checkout without extensions."""
     checkout, installed = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("core")
     copy_checkout(checkout, without=["extensions", "tests", "docs"])
     install_into(installed, checkout)
-    return installed
+    return [path for path in installed.iterdir() if path.name != "bin"]
 
 
 @pytest.fixture(scope="session")
-def installed(core, tmp_path_factory) -> dict[str, Path]:
-    """All extensions, each installed into a folder of its own."""
-    folders: dict[str, Path] = {}
+def installed(tmp_path_factory) -> dict[str, list[Path]]:
+    """What is installed of each extension."""
+    checkouts, folder = tmp_path_factory.mktemp("checkouts"), tmp_path_factory.mktemp("extensions")
     for name in EXTENSIONS:
-        checkout, folders[name] = tmp_path_factory.mktemp(f"checkout_{name}"), tmp_path_factory.mktemp(name)
-        shutil.copytree(ROOT / "extensions" / name, checkout, dirs_exist_ok=True, ignore=_ignore_built)
-        install_into(folders[name], checkout)
-    return folders
+        shutil.copytree(ROOT / "extensions" / name, checkouts / name, ignore=_ignore_built)
+    install_into(folder, *(checkouts / name for name in EXTENSIONS))
+    return {name: list(folder.glob(f"gslcosim_{name}*")) for name in EXTENSIONS}
 
 
 def _ignore_built(folder: str, names: list[str]) -> list[str]:
@@ -78,7 +77,7 @@ def _ignore_built(folder: str, names: list[str]) -> list[str]:
 @pytest.fixture(scope="session")
 def alone(core, tmp_path_factory) -> FreshEnvironment:
     """An environment with the core, and what it declares to need."""
-    return create_environment(tmp_path_factory.mktemp("alone") / "venv", [core], list_required(ROOT))
+    return create_environment(tmp_path_factory.mktemp("alone") / "venv", core, list_required(ROOT))
 
 
 @pytest.fixture(scope="session")
@@ -148,8 +147,8 @@ def test_the_core_alone_runs_an_agent_in_c(alone, whole_tree_digest, tmp_path):
 def test_all_but_one_extension_run_and_answer_for_it(core, installed, whole_tree_digest, tmp_path, missing):
     left = [name for name in EXTENSIONS if name not in list_dependents(missing)]
     projects = [ROOT, *(ROOT / "extensions" / name for name in left)]
-    folders = [core, *(installed[name] for name in left)]
-    environment = create_environment(tmp_path / "venv", folders, list_required(*projects))
+    packages = [*core, *(path for name in left for path in installed[name])]
+    environment = create_environment(tmp_path / "venv", packages, list_required(*projects))
     for text in list_answers(environment, missing, tmp_path, left):
         assert_answered(text, missing)
     helped = environment.call("--help", cwd=tmp_path)
@@ -174,11 +173,7 @@ def list_answers(environment: FreshEnvironment, extension: str, folder: Path, pr
         *(["validate", str(write_scenario(folder, key))] for key in offers.get("keys", ())),
     ]
     names = [name for name in offers.get("names", ()) if name != extension]
-    lookups = (f"import gslcosim; gslcosim.{name}" for name in names[:1])
-    return [
-        *(environment.call(*words, cwd=folder).stderr for words in asked),
-        *(environment.evaluate(text, cwd=folder).stderr.splitlines()[-1] for text in lookups),
-    ]
+    return environment.list_errors(asked, [f"gslcosim.{name}" for name in names[:1]], cwd=folder)
 
 
 def write_scenario(folder: Path, key: str) -> Path:

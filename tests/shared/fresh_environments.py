@@ -1,12 +1,13 @@
 """Fresh Python environments with parts of this checkout installed, and nothing that these parts do not declare."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -17,6 +18,23 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 CORE = "gslcosim"
+# Commands, each a list of words, and then expressions in one process: a line of what each writes to standard error.
+ANSWERS = """
+import contextlib, io, json, sys
+import gslcosim
+from gslcosim.cli.main import main
+commands, expressions = json.load(sys.stdin)
+for words in commands:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
+        with contextlib.suppress(SystemExit):
+            main(words)
+    print(json.dumps(errors.getvalue()))
+for expression in expressions:
+    try:
+        print(json.dumps(repr(eval(expression))))
+    except Exception as error:
+        print(json.dumps(str(error)))
+"""
 SITE_PACKAGES = Path(sysconfig.get_path("platlib"))
 
 
@@ -39,6 +57,16 @@ class FreshEnvironment:
         command = [str(self.python), "-P", "-m", CORE, *words]
         return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=500)
 
+    def list_errors(self, commands: Sequence[Sequence[str]], expressions: Sequence[str], *, cwd: Path) -> list[str]:
+        """Return what each of some commands, and then of some expressions, is answered with as an error."""
+        command = [str(self.python), "-P", "-c", ANSWERS]
+        asked = json.dumps([commands, expressions])
+        outcome = subprocess.run(
+            command, input=asked, capture_output=True, text=True, check=False, cwd=cwd, timeout=500
+        )
+        assert outcome.returncode == 0, outcome.stderr
+        return [json.loads(line) for line in outcome.stdout.splitlines()]
+
     def evaluate(self, text: str, *, cwd: Path) -> subprocess.CompletedProcess[str]:
         """Return the outcome of Python code."""
         command = [str(self.python), "-P", "-c", text]
@@ -60,17 +88,19 @@ def copy_checkout(folder: Path, *, without: Iterable[str]) -> None:
                 shutil.copy(source, target)
 
 
-def install_into(folder: Path, project: Path) -> None:
-    """Install a project without what it needs, with the tools of this environment."""
+def install_into(folder: Path, *projects: Path) -> None:
+    """Install projects without what they need, with the tools of this environment.
+
+    Their modules are compiled once, for all environments that link them.
+    """
     words = [
         "--quiet",
         "--no-deps",
         "--no-build-isolation",
         "--no-index",
-        "--no-compile",
         "--disable-pip-version-check",
     ]
-    command = [sys.executable, "-m", "pip", "install", *words, "--target", str(folder), str(project)]
+    command = [sys.executable, "-m", "pip", "install", *words, "--target", str(folder), *map(str, projects)]
     outcome = subprocess.run(command, capture_output=True, text=True, check=False)
     assert outcome.returncode == 0, outcome.stdout + outcome.stderr
 
@@ -80,13 +110,12 @@ def create_environment(folder: Path, installed: Iterable[Path], packages: Iterab
 
     Args:
         folder: Where it is made.
-        installed: Folders of installed projects.
+        installed: Packages of installed projects, and their metadata.
         packages: Names of distributions of this environment that it has as well.
     """
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     environment = FreshEnvironment(folder)
-    places = [path for project in installed for path in project.iterdir() if path.name != "bin"]
-    places += [place for name in packages for place in _list_places(name)]
+    places = [*installed, *(place for name in packages for place in _list_places(name))]
     for place in places:
         target = environment.site_packages / place.name
         # Sandboxes show the folder of an environment, and not what links in it lead to.
