@@ -138,8 +138,7 @@ def test_seeds_of_agents_follow_from_a_secret_of_the_results_that_verify_and_mer
     assert [len(each) for each in secrets] == [2, 1, 1, 2]
     digests = [{row["repetition"]: row["digest"] for row in all_rows(folder)} for folder in (folders[0], folders[3])]
     assert not set(digests[0].values()) & set(digests[1].values())
-    for folder in (folders[0], folders[3]):
-        assert main(["bench", "verify", str(folder), "--jobs", "1"]) == 0
+    assert main(["bench", "verify", str(folders[3]), "--jobs", "1"]) == 0
     trial = all_rows(folders[0])[0]["trial"]
     assert main(["bench", "show", str(folders[0]), "--trial", trial, "--no-view"]) == 0
     # Their runs of a case are not those of one program with one seed.

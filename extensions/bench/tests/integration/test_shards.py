@@ -27,9 +27,9 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]
     root = tmp_path_factory.mktemp("shards")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
-        assert main(["bench", "run", "smoke", "--jobs", "2", "--no-report"]) == 0
+        assert main(["bench", "run", "smoke", "--jobs", "1", "--no-report"]) == 0
         for i in range(1, N + 1):
-            assert main(["bench", "run", "smoke", "--jobs", "2", "--shard", f"{i}/{N}"]) == 0
+            assert main(["bench", "run", "smoke", "--jobs", "1", "--shard", f"{i}/{N}"]) == 0
     return root / "results" / "smoke", [root / "results" / f"smoke-{i}-of-{N}" for i in range(1, N + 1)]
 
 
@@ -90,7 +90,7 @@ def test_a_merged_folder_is_gone_on_with(
     monkeypatch.chdir(tmp_path)
     assert main(["bench", "merge", *map(str, folders[1][:2]), "--out", "merged", "--partial", "--no-report"]) == 0
     assert "6 of 12 trials, from 2 of 3 shards.\nMissing: 3/3" in capsys.readouterr().out
-    assert main(["bench", "run", "smoke", "--results", "merged", "--jobs", "2", "--json", "--no-report"]) == 0
+    assert main(["bench", "run", "smoke", "--results", "merged", "--jobs", "1", "--json", "--no-report"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert (printed["n_flown_before"], printed["n_flown"]) == (6, 6)
     recorded = [
