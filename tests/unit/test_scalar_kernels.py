@@ -10,7 +10,7 @@ from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, make_sensor_spec
 from gslcosim_search.learned.encoding import CHANNELS
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.base import KernelSensorKind
-from gslcosim_training.batch.pcg64 import seed_inplace
+from gslcosim_training.batch.random_streams import seed_inplace
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_training.batch.scalar_compilation import (
     call_kernel,

@@ -18,7 +18,7 @@ Floats = NDArray[np.floating[Any]]
 Actions = NDArray[Any]
 
 _KINDS_WITH_CHOICES = ("heading",)
-_STEP = np.uint64(0x9E3779B97F4A7C15)
+SCRAMBLE_STEP = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _30, _27, _31, _11 = (np.uint64(n) for n in (30, 27, 31, 11))
 
@@ -224,13 +224,14 @@ def even_numbers(observations: Floats, n: int) -> NDArray[np.float64]:
     mixed = np.zeros(len(bits), np.uint64)
     with np.errstate(over="ignore"):
         for i in range(bits.shape[1]):
-            mixed = _scrambled(mixed ^ bits[:, i])
-        counted = mixed[:, None] + _STEP * np.arange(1, n + 1, dtype=np.uint64)
-        return (_scrambled(counted) >> _11).astype(np.float64) * 2.0**-53
+            mixed = scramble_bits(mixed ^ bits[:, i])
+        counted = mixed[:, None] + SCRAMBLE_STEP * np.arange(1, n + 1, dtype=np.uint64)
+        return (scramble_bits(counted) >> _11).astype(np.float64) * 2.0**-53
 
 
-def _scrambled(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    z = z + _STEP
+def scramble_bits(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return the output of SplitMix64 after each state: 64 bits that look unrelated to those of neighbouring states."""
+    z = z + SCRAMBLE_STEP
     z = (z ^ (z >> _30)) * _FIRST
     z = (z ^ (z >> _27)) * _SECOND
     return z ^ (z >> _31)

@@ -24,6 +24,7 @@ from gslcosim_search.learned.encoding import (
     find_shield_problem,
     turn_actions,
 )
+from gslcosim_search.learned.policy import SCRAMBLE_STEP, scramble_bits
 from gslcosim_search.learned.shield import VelocityShield
 from gslcosim_search.learned.wind_frame import WIND_FRAME_NAMES
 from gslcosim_services.fields.gas_setup import gas_seed
@@ -41,7 +42,6 @@ from gslcosim_training.batch.batch_records import (
     new_touch,
 )
 from gslcosim_training.batch.case_builder import EXACT, FLYING, prepare_cases
-from gslcosim_training.batch.pcg64 import scrambled
 from gslcosim_training.batch.shields import shield_rows
 from gslcosim_training.batch.step import fly
 from gslcosim_training.batch.wind_frames import BatchWindFrames
@@ -153,11 +153,11 @@ def cumulate_case_fractions(weights: Any, n_cases: int) -> NDArray[np.float64] |
     return shares
 
 
-def find_drawn_case(drawn: int, n_cases: int, shares: NDArray[np.float64] | None) -> int:
-    """Return the case that a random whole number below 2^32 stands for; see `cumulate_case_fractions`."""
+def find_drawn_cases(drawn: NDArray[np.uint64], n_cases: int, shares: NDArray[np.float64] | None) -> NDArray[np.int64]:
+    """Return the cases that random whole numbers below 2^32 stand for; see `cumulate_case_fractions`."""
     if shares is None:
-        return drawn % n_cases
-    return int(np.searchsorted(shares, drawn / _N_DRAWN, side="right"))
+        return (drawn % n_cases).astype(np.int64)
+    return np.searchsorted(shares, drawn / _N_DRAWN, side="right")
 
 
 try:
@@ -397,12 +397,12 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             self._threads.shutdown()
 
     def _drawn(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        searches, n_cases = self._searches.searches, len(self._loaded)
         assert self._stream_seed is not None, "reset has drawn it"
-        bits = [scrambled(self._stream_seed, i, int(searches["n_begun"][i])) for i in rows.tolist()]
-        cases = np.array([find_drawn_case(int(b) >> 32, n_cases, self._shares) for b in bits], np.int64)
-        seeds = np.array([int(b) % _MOST_SEED for b in bits], np.int64)
-        return cases, seeds
+        bits = scramble_bits(np.full(len(rows), self._stream_seed, np.uint64))
+        for number in (rows, self._searches.searches["n_begun"][rows]):
+            bits = scramble_bits(bits + SCRAMBLE_STEP * number.astype(np.uint64))
+        cases = find_drawn_cases(bits >> np.uint64(32), len(self._loaded), self._shares)
+        return cases, (bits % np.uint64(_MOST_SEED)).astype(np.int64)
 
     def _begin(self, rows: NDArray[np.int64], cases: NDArray[np.int64], seeds: NDArray[np.int64]) -> None:
         self._searches.searches["n_begun"][rows] += 1

@@ -13,8 +13,8 @@ from gslcosim_formats.stored_gas.playback import value_in_cell
 from gslcosim_services.fields.mixing_ratio import filament_contribution_ppm, is_box_of_air, is_visible
 from gslcosim_services.fields.spatial_index import Blocks, SortedFilaments, add_indexed_filaments_at_points_inplace
 from gslcosim_training.batch.free_space import array_at, walls_of
-from gslcosim_training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim_training.batch.plume_kernels import distances_along_and_across, plume_ppm, spreads_at
+from gslcosim_training.batch.random_streams import next_normal_inplace, seed_inplace
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
 

@@ -18,7 +18,7 @@ from numba.np.arrayobj import make_array
 from gslcosim.base import scalar_kernels
 from gslcosim.base.c_calls import call_address
 from gslcosim_training.batch.free_space import array_at, exact_sum, norm2, norm3
-from gslcosim_training.batch.pcg64 import next_normal_inplace, next_poisson_inplace
+from gslcosim_training.batch.random_streams import next_normal_inplace, next_poisson_inplace
 from gslcosim_training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
 
 

@@ -11,7 +11,7 @@ from gslcosim_services.sensing.models.range_finders import note_contact
 from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m, turn_ray
 from gslcosim_training.batch.batch_records import BUMP, MOST_GASES, RANGES, SAMPLE_LENGTH
 from gslcosim_training.batch.free_space import array_at, copy_inplace
-from gslcosim_training.batch.pcg64 import next_normal_inplace, seed_inplace
+from gslcosim_training.batch.random_streams import next_normal_inplace, seed_inplace
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_training.batch.scalar_compilation import address_of, call_kernel
 
