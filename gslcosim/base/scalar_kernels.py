@@ -33,6 +33,24 @@ def list_scalar_kernels() -> tuple[Callable[..., Any], ...]:
     return tuple(_KERNELS)
 
 
+@scalar_kernel
+def exact_sum(values: Sequence[float], first: int, n: int) -> float:
+    """Return the sum of n values from the first on, all of one sign, rounded once as `math.fsum` does.
+
+    Source:
+        Ogita, Rump and Oishi 2005, Sum2, doi:10.1137/030601818.
+    Held by:
+        tests/unit/test_scalar_kernels.py
+    """
+    total = error = 0.0
+    for k in range(first, first + n):
+        before, value = total, values[k]
+        total = before + value
+        added = total - before
+        error += (before - (total - added)) + (value - added)
+    return total + error
+
+
 # Batches have compiled twins of the functions below: those of compilers differ in the last digits.
 
 
@@ -44,11 +62,6 @@ def norm2(x: float, y: float) -> float:
 def norm3(x: float, y: float, z: float) -> float:
     """Return sqrt(x^2 + y^2 + z^2), rounded as `math.hypot` and `math.dist` do."""
     return math.hypot(x, y, z)
-
-
-def exact_sum(values: Sequence[float], first: int, n: int) -> float:
-    """Return the sum of n values from the first on, rounded once as `math.fsum` does."""
-    return math.fsum(values[first : first + n])
 
 
 def next_normal(stream: Any) -> float:

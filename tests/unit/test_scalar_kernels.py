@@ -1,11 +1,14 @@
 """Scalar kernels give the same bits as plain functions and compiled, and a change of one leaves no old code in use."""
 # pyright: reportCallIssue=false
 
+import math
+
 import numpy as np
 import pytest
 
 from gslcosim.base import kernel_cache
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import exact_sum
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, make_sensor_spec
 from gslcosim_search.learned.encoding import CHANNELS
 from gslcosim_services.sensing import SENSOR_MODELS
@@ -88,6 +91,15 @@ def test_numbers_of_readings_are_the_same_compiled_to_the_bit(channel):
         channel.encode(values.tolist(), plain)
         _call(compiled, (address(values), 6, address(numbers), n))
         assert numbers.tolist() == plain
+
+
+def test_sums_are_those_of_fsum():
+    rng = np.random.default_rng(2)
+    for _ in range(500):
+        n = int(rng.integers(1, 40))
+        values = (rng.exponential(size=n) * 10.0 ** rng.integers(-12, 12, n)).tolist()
+        first = int(rng.integers(0, n))
+        assert exact_sum(values, first, n - first) == math.fsum(values[first:])
 
 
 def test_a_kernel_lies_in_a_file_whose_changes_are_seen(tmp_path):

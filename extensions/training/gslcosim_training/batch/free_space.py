@@ -39,60 +39,46 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 @reference_free_njit(inline="always")
-def _add_square(x, total, a, b, c):
-    # Adds x^2 to a sum kept in one large and three small parts.
-    t = x * _SPLIT
+def _add(x, y):
+    # x + y and its rounding error, as Knuth has it.
+    total = x + y
+    added = total - x
+    return total, (x - (total - added)) + (y - added)
+
+
+@reference_free_njit(inline="always")
+def _square(x):
+    # x^2 and its rounding error, as Dekker has it.
+    square, t = x * x, x * _SPLIT
     high = t - (t - x)
     low = x - high
-    square = high * high
-    before = total
-    total += square
-    a += (before - total) + square
-    square = 2.0 * high * low
-    before = total
-    total += square
-    b += (before - total) + square
-    c += low * low
-    return total, a, b, c
+    return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
 @reference_free_njit()
 def norm3(x, y, z):
     """Return sqrt(x^2 + y^2 + z^2), the same as `math.hypot(x, y, z)` and as `math.dist` of points so far apart.
 
+    h <- h + (x^2 + y^2 + z^2 - h^2)/(2 h),  with all squares and their sum in twice the precision
+
+    Both round to the nearest number, between 1e-140 and 1e140.
+
     Source:
-        CPython 3.11, Modules/mathmodule.c, vector_norm: sums of squares without rounding error, corrected once.
+        Dekker 1971, doi:10.1007/BF01397083; Borges 2020, doi:10.1145/3428446.
     Held by:
         extensions/training/tests/unit/batch/test_distances.py
     """
-    x, y, z = abs(x), abs(y), abs(z)
-    most = max(x, y, z)
-    if most == 0.0 or not most < math.inf:
-        return most
-    _, exponent = math.frexp(most)
-    scale = math.ldexp(1.0, -exponent)
-    total, a, b, c = 1.0, 0.0, 0.0, 0.0
-    total, a, b, c = _add_square(x * scale, total, a, b, c)
-    total, a, b, c = _add_square(y * scale, total, a, b, c)
-    total, a, b, c = _add_square(z * scale, total, a, b, c)
-    h = math.sqrt(total - 1.0 + (a + b + c))
-    t = h * _SPLIT
-    high = t - (t - h)
-    low = h - high
-    square = -high * high
-    before = total
-    total += square
-    a += (before - total) + square
-    square = -2.0 * high * low
-    before = total
-    total += square
-    b += (before - total) + square
-    square = -low * low
-    before = total
-    total += square
-    c += (before - total) + square
-    rest = total - 1.0 + (a + b + c)
-    return (h + rest / (2.0 * h)) / scale
+    x_x, error_x = _square(x)
+    y_y, error_y = _square(y)
+    z_z, error_z = _square(z)
+    total, error_xy = _add(x_x, y_y)
+    total, error_xyz = _add(total, z_z)
+    h = math.sqrt(total)
+    if not 0.0 < h < math.inf:
+        return h
+    h_h, error_h = _square(h)
+    error = error_xy + error_xyz + error_x + error_y + error_z - error_h
+    return h + ((total - h_h) + error) / (2.0 * h)
 
 
 @reference_free_njit()
@@ -103,80 +89,6 @@ def norm2(x, y):
         extensions/training/tests/unit/batch/test_distances.py
     """
     return norm3(x, y, 0.0)
-
-
-# Parts of a sum do not overlap, so that no more than 40 fit into the range of a double.
-_N_PARTS = 64
-
-
-@intrinsic
-def _new_parts(typingctx: Any) -> Any:
-    # Scratch that lasts as long as the call of the kernel: where no references are counted, numba may make no arrays.
-    array_type = types.Array(types.float64, 1, "C")
-    signature = array_type()
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del signature, arguments
-        length, item_size = cgutils.intp_t(_N_PARTS), cgutils.intp_t(8)
-        data = cgutils.alloca_once(builder, ir.DoubleType(), size=length)
-        array: Any = make_array(array_type)(context, builder)
-        populate_array(array, data=data, shape=[length], strides=[item_size], itemsize=item_size, meminfo=None)
-        return array._getvalue()
-
-    return signature, codegen
-
-
-@reference_free_njit()
-def exact_sum(values, first, n):
-    """Return the sum of n values from the first on, rounded once, the same as `math.fsum`.
-
-    Args:
-        values: Numbers.
-        first: Where they begin.
-        n: How many.
-
-    Source:
-        Shewchuk 1997, doi:10.1007/PL00009321; CPython 3.11, Modules/mathmodule.c, fsum.
-    Held by:
-        extensions/training/tests/unit/batch/test_distances.py
-    """
-    parts = _new_parts()
-    n_parts = 0
-    for k in range(first, first + n):
-        x = values[k]
-        i = 0
-        for j in range(n_parts):
-            y = parts[j]
-            if abs(x) < abs(y):
-                x, y = y, x
-            high = x + y
-            low = y - (high - x)
-            if low != 0.0:
-                parts[i] = low
-                i += 1
-            x = high
-        n_parts = i
-        if x != 0.0:
-            parts[n_parts] = x
-            n_parts += 1
-    if n_parts == 0:
-        return 0.0
-    n_parts -= 1
-    high, low = parts[n_parts], 0.0
-    while n_parts > 0:
-        x = high
-        n_parts -= 1
-        y = parts[n_parts]
-        high = x + y
-        low = y - (high - x)
-        if low != 0.0:
-            break
-    if n_parts > 0 and ((low < 0.0 and parts[n_parts - 1] < 0.0) or (low > 0.0 and parts[n_parts - 1] > 0.0)):
-        y = low * 2.0
-        x = high + y
-        if y == x - high:
-            high = x
-    return high
 
 
 _SOLID = 1

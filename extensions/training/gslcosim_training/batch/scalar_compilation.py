@@ -17,7 +17,7 @@ from numba.np.arrayobj import make_array
 
 from gslcosim.base import scalar_kernels
 from gslcosim.base.c_calls import call_address
-from gslcosim_training.batch.free_space import array_at, exact_sum, norm2, norm3
+from gslcosim_training.batch.free_space import array_at, norm2, norm3
 from gslcosim_training.batch.random_streams import next_normal_inplace, next_poisson_inplace
 from gslcosim_training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
 
@@ -31,11 +31,6 @@ def _overload_norm2(x, y):
 @overload(scalar_kernels.norm3)
 def _overload_norm3(x, y, z):
     return lambda x, y, z: norm3(x, y, z)
-
-
-@overload(scalar_kernels.exact_sum)
-def _overload_exact_sum(values, first, n):
-    return lambda values, first, n: exact_sum(values, first, n)
 
 
 @overload(scalar_kernels.next_normal)
