@@ -4,10 +4,12 @@ import queue
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
+
+from typing_extensions import override
 
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
 from gslcosim.base.processes import Interruption
@@ -16,7 +18,6 @@ from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
 from gslcosim.runtime.agents.session import (
-    AgentEvent,
     AgentSessions,
     AgentTransport,
     ObjectTransport,
@@ -25,41 +26,22 @@ from gslcosim.runtime.agents.session import (
     build_session,
 )
 from gslcosim.runtime.digest import RunDigest
-from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
+from gslcosim.runtime.loop_host import POLL_PERIOD_S, LoopHost
+from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus, StatusReporter
+from gslcosim.runtime.status import RunStatus
 from gslcosim.runtime.stepper import SentMessage, StepListener, StepLoop, Stepper
 
 REPORT_EVERY_TICKS = 64
-POLL_PERIOD_S = 0.1
 # Receives every message with its port, in the order in which they are delivered.
 MessageObserver = Callable[[str, Message], None]
 _Kind = TypeVar("_Kind")
 
 
-class LocalAgents(AgentSessions):
-    """Sessions of agents whose events wait in a queue of this process."""
-
-    def __init__(self) -> None:
-        super().__init__({})
-        self.events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-
-    def handle_waiting(self) -> None:
-        """Handle the events that are there: one round, so that an endless talker does not stop the run."""
-        for _ in range(self.events.qsize()):
-            self.wait(0.0)
-
-    def wait(self, timeout_s: float = POLL_PERIOD_S) -> None:
-        """Wait for the next event, but no longer than the timeout, and handle it."""
-        with suppress(queue.Empty):
-            event = self.events.get(timeout=timeout_s)
-            self[event.agent].handle(event)
-
-
-class InProcessRun(StepListener):
+class InProcessRun(LoopHost, StepListener):
     """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
@@ -72,15 +54,13 @@ class InProcessRun(StepListener):
     def __init__(
         self,
         setup: RunSetup,
-        agents: LocalAgents,
+        agents: AgentSessions,
         report: Callable[[RunStatus], None],
         watch: MessageObserver | None = None,
         until_tick: int | None = None,
     ) -> None:
+        super().__init__(setup, agents, report)
         self._watch = watch
-        self._agents = agents
-        self._setup = setup
-        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._participants)
         self._observed_by = {keys.observation(name): session for name, session in agents.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in agents.items()}
         for session in agents.values():
@@ -88,7 +68,6 @@ class InProcessRun(StepListener):
         self._dataflow, cores = build_all_cores(setup)
         self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
         self.pause_before_tick: int | None = None
-        self._verdict: Verdict | None = None
         self._reported_tick = -1
 
     def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
@@ -107,13 +86,14 @@ class InProcessRun(StepListener):
             outcome: Receives the results at the end.
             is_interrupted: Returns whether to stop; called repeatedly.
         """
-        started = flying_since = time.perf_counter()
+        began_s = time.perf_counter()
         try:
+            self.await_all_ready(is_interrupted)
             self._loop.start(self._setup.episode)
-            self._go_on(is_interrupted)
-            flying_since = time.perf_counter()
-            outcome.start_up_s = flying_since - started
-            yield from self._step_all(is_interrupted, flying_since)
+            self._replay_observations(is_interrupted)
+            self._started_at_s = time.perf_counter()
+            outcome.start_up_s = self._started_at_s - began_s
+            yield from self._step_all(is_interrupted)
         except Exception as error:  # a fault of any core ends the run with its name
             # The journal of commands is the runtime's own, whatever the transport.
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._loop.acting.spec.name
@@ -124,10 +104,10 @@ class InProcessRun(StepListener):
         outcome.is_cut = self._verdict is None and outcome.fault is None and self._loop.is_finished
         outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
         self._close(outcome)
-        outcome.flight_wall_s = time.perf_counter() - flying_since
+        outcome.flight_wall_s = self.wall_s
         steppers = self._loop.steppers
         outcome.collect(
-            self._agents,
+            self._sessions,
             verdict=self._verdict,
             reached_tick=self._tick,
             timing={stepper.spec.name: stepper.timing.as_fields() for stepper in steppers},
@@ -136,16 +116,9 @@ class InProcessRun(StepListener):
         if outcome.fault is None and self._loop.is_finished:
             outcome.digest = self.digest(outcome.ticks_flown)
 
-    # Services begin at the snapshot; agents get the observations before it, in their order.
-    def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
-        for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
-            for agent, payload in observations:
-                self._agents[agent].observe(codec.decode_observation_head(payload), payload)
-                self._agents.handle_waiting()
-            while self._agents.are_pending and not is_interrupted():
-                self._wait_for_agent()
-            if is_interrupted():
-                return
+    @override
+    def _observe(self, agent: str, payload: bytes) -> None:
+        self._sessions[agent].observe(codec.decode_observation_head(payload), payload)
 
     @property
     def next_tick(self) -> int:
@@ -165,10 +138,10 @@ class InProcessRun(StepListener):
     def _tick(self) -> int:
         return max(self._loop.last_tick, 0)
 
-    def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
+    def _step_all(self, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         loop = self._loop
         while not loop.is_finished and not is_interrupted():
-            self._agents.handle_waiting()
+            self._handle_waiting()
             if (
                 self.pause_before_tick is not None
                 and self.is_between_ticks
@@ -176,39 +149,37 @@ class InProcessRun(StepListener):
             ):
                 yield
             elif loop.step():
-                self._report_if_due(started)
-            elif self._agents.are_pending:
+                self._report_if_due()
+            elif self._sessions.are_pending:
                 yield
-                self._wait_for_agent()
+                # Stepping may have taken longer than anything that counts as a pause.
+                self._renew_deadlines()
+                self._handle_next()
+                self._check_time()
             elif (wait_s := loop.pace_wait_s) > 0:
-                self._agents.wait(min(wait_s, POLL_PERIOD_S))
+                self._handle_next(min(wait_s, POLL_PERIOD_S))
             elif not loop.can_any_step():
                 raise GslCosimError(self._explain_stall())
 
     # No participant can step and no agent is due: a participant deviates from its declaration.
     def _explain_stall(self) -> str:
-        stall = explain_stall(self._participants())
+        stall = explain_stall(self._look())
         for stepper in self._loop.steppers:
             if stall is not None and stepper.spec.name == stall.culprit:
                 self._loop.acting = stepper
         return f"no participant can step.\n{stall.text if stall else ''}"
 
-    def _wait_for_agent(self) -> None:
-        self._agents.renew_deadlines()
-        self._agents.wait()
-        self._agents.renew_deadlines()
-        self._agents.check_deadlines()
-
-    def _report_if_due(self, started: float) -> None:
+    def _report_if_due(self) -> None:
         tick = self._tick
         if tick == self._reported_tick or (tick % REPORT_EVERY_TICKS and not self._loop.is_paced):
             return
         self._reported_tick = tick
-        self._status_reporter.report_run("flying", tick, time.perf_counter() - started)
+        self._status_reporter.report_run("flying", tick, self.wall_s)
 
     # On the caller's thread, while a core may be in its step.
-    def _participants(self) -> list[ParticipantStatus]:
-        return [*(stepper.look() for stepper in self._loop.steppers), *self._agents.look()]
+    @override
+    def _look(self) -> list[ParticipantStatus]:
+        return [*(stepper.look() for stepper in self._loop.steppers), *self._sessions.look()]
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
@@ -220,10 +191,10 @@ class InProcessRun(StepListener):
             if isinstance(message, Observation):
                 self._observed_by[port].observe(message, sent.payload)
                 # An object has answered by now.
-                self._agents.handle_waiting()
+                self._handle_waiting()
             elif isinstance(message, Briefing):
                 self._briefed_by[port].brief(message, sent.payload)
-                self._agents.handle_waiting()
+                self._handle_waiting()
             elif isinstance(message, Verdict):
                 self._verdict = message
 
@@ -240,12 +211,12 @@ class InProcessRun(StepListener):
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
-        self._agents.end(self._verdict)
+        self._end_agents()
 
     def digest(self, final_tick: int) -> RunDigest:
         """Return the digest of the run up to a tick that all participants have finished."""
         trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
-        return RunDigest.of(trails | self._agents.trails, self._dataflow.writer_of, final_tick)
+        return RunDigest.of(trails | self._sessions.trails, self._dataflow.writer_of, final_tick)
 
 
 @contextmanager
@@ -255,8 +226,7 @@ def host_agents(
     network: Network,
     *,
     commanded: Mapping[str, AgentTransport] = MappingProxyType({}),
-    is_interrupted: Callable[[], bool] = lambda: False,
-) -> Generator[LocalAgents]:
+) -> Generator[AgentSessions]:
     """Start the agents of a run: Python agents as objects in this process, agents behind the gateway as processes.
 
     Leaving the context ends the processes.
@@ -266,9 +236,8 @@ def host_agents(
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
         commanded: Transports of the agents that the caller commands; no program of theirs is started.
-        is_interrupted: Ends the waiting for processes that join.
     """
-    agents = LocalAgents()
+    agents = AgentSessions(queue.SimpleQueue())
     own = [agent for agent in setup.scenario.agents if agent.process == agent.name and agent.name not in commanded]
     gateway = None
     if any(agent.start.is_behind_gateway for agent in own):
@@ -289,7 +258,6 @@ def host_agents(
         yield agents
         return
     with gateway.open():
-        _await_gateway_agents(gateway, agents, is_interrupted)
         yield agents
 
 
@@ -309,19 +277,5 @@ def run_in_process(
         report: Receives the status of the run.
         watch: Receives every message, for figures of the run; it must change none.
     """
-    with (
-        Interruption() as interruption,
-        host_agents(setup, directory, network, is_interrupted=interruption.is_set) as agents,
-    ):
+    with Interruption() as interruption, host_agents(setup, directory, network) as agents:
         return InProcessRun(setup, agents, report, watch).fly(interruption.is_set)
-
-
-def _await_gateway_agents(gateway: GatewayAgents, agents: LocalAgents, is_interrupted: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + JOIN_TIMEOUT_S
-    while not is_interrupted() and (absent := agents.awaited):
-        deadline_s += agents.renew_deadlines()
-        if time.monotonic() > deadline_s:
-            for name in absent:
-                agents[name].mark_lost(gateway.describe_absence(name))
-            return
-        agents.wait()

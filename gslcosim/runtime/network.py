@@ -29,6 +29,11 @@ MIN_WINDOW_TICKS, MAX_WINDOW_TICKS = 128, 1 << 16
 ALL_SERVICES = "all"
 
 
+def describe_absence() -> str:
+    """Return the fault of a participant that has not joined in time."""
+    return f"expected to join within {JOIN_TIMEOUT_S:g} s, did not."
+
+
 @dataclass(frozen=True, kw_only=True)
 class Network:
     """Ways in which the run's processes reach its router.

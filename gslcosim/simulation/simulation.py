@@ -30,8 +30,8 @@ from gslcosim.contract.messages import (
 from gslcosim.environment.generation.cache import load_rooms, prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.positions import draw_positions
-from gslcosim.runtime.agents.session import AgentTransport, CommandReceived, SteppedTransport
-from gslcosim.runtime.in_process import InProcessRun, LocalAgents, host_agents
+from gslcosim.runtime.agents.session import AgentSessions, AgentTransport, CommandReceived, SteppedTransport
+from gslcosim.runtime.in_process import InProcessRun, host_agents
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.run_dir import RunDir
@@ -402,7 +402,7 @@ class Simulation:
             setup = self._build_setup(Path(stack.enter_context(ScratchFolder("simulation")).path))
             self.environment: Environment = setup.environment
             transports: Mapping[str, AgentTransport] = dict(self._transports)
-            self._agents: LocalAgents = stack.enter_context(
+            self._agents: AgentSessions = stack.enter_context(
                 host_agents(setup, loaded.directory, Network(), commanded=transports)
             )
             for name in self._transports:

@@ -13,6 +13,7 @@ from in_memory_bus import InMemoryBus, InMemoryHub
 from gslcosim.base.errors import ExitCode
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Observation, Verdict
+from gslcosim.runtime import loop_host
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.session import AgentJoined
 from gslcosim.runtime.digest import HashChain
@@ -152,14 +153,15 @@ class Ends:
         outcome = RunOutcome()
         with pytest.MonkeyPatch.context() as patch:
             clocks = SimpleNamespace(monotonic=clock.monotonic, perf_counter=clock.perf_counter)
-            patch.setattr(supervisor, "time", clocks)
+            for module in (loop_host, supervisor):
+                patch.setattr(module, "time", clocks)
             patch.setattr(watchdog, "STALL_TIMEOUT_S", LIMIT_S)
             patch.setattr(watchdog, "FINISH_TIMEOUT_S", LIMIT_S)
             watched = Supervisor(self.setup, InMemoryBus(hub), gateway, members, lambda status: None, groups, restarts)
             for agent in self.agents:
                 members.put(AgentJoined(agent=agent))
             try:
-                watched.fly(SimpleNamespace(is_set=lambda: members.is_interrupted))
+                watched.fly(lambda: members.is_interrupted)
             except RunEndedError as ended:
                 outcome.fault = ended.fault
             outcome.is_interrupted = members.is_interrupted and outcome.fault is None

@@ -1,6 +1,6 @@
-"""Agents on the bus: their transport, their sessions as participants, and the replay of past observations to them."""
+"""Agents on the bus: their transport, and their sessions as participants."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 
 from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
@@ -19,8 +19,6 @@ from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, ReorderBuffer, RetransmitBuffer
-from gslcosim.runtime.services import list_services
-from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
 
 MAX_QUEUED_BYTES = 32 * 1024 * 1024
@@ -155,34 +153,3 @@ class AgentHost:
     def _publish(self, sent: SentMessage) -> None:
         self._kept.keep(sent)
         self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
-
-
-def replay_observations(
-    setup: RunSetup, hosts: Mapping[str, AgentHost], links: Mapping[str, BusTransport]
-) -> Iterator[None]:
-    """Brief all agents, send them the observations before the snapshot tick by tick, and wait for their answers.
-
-    Sensing briefs them in the same words when it goes on; that is a repetition.
-
-    Args:
-        links: Transports of the agents on the bus, which otherwise get their messages from sensing.
-
-    Yields:
-        While an agent owes an answer, so that the caller handles events.
-    """
-    snapshot, scenario = setup.snapshot, setup.scenario
-    if snapshot is None:
-        return
-    for link in links.values():
-        link.is_writer = True
-    for kind in list_services(scenario):
-        if kind.build_briefings is not None:
-            for agent, briefing in kind.build_briefings(setup).items():
-                hosts[agent].brief(codec.encode(briefing))
-    for observations in snapshot.read_observations():
-        for agent, payload in observations:
-            hosts[agent].observe(payload)
-        while any(host.session.is_pending for host in hosts.values()):
-            yield
-    for link in links.values():
-        link.is_writer = False

@@ -22,7 +22,7 @@ from gslcosim.runtime.agents.session import (
     EventSink,
     ObservationOrHead,
 )
-from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
+from gslcosim.runtime.network import Network, describe_absence
 from gslcosim.runtime.processes.child_processes import (
     EXIT_TIMEOUT_S,
     ChildProcesses,
@@ -146,6 +146,10 @@ class GatewayTransport(AgentTransport):
         self._process.link.send("Ending", payload)
         self._process.link.end()
 
+    def describe_absence(self) -> str:
+        """Return the fault, with the reason why a connection was refused; see `AgentTransport`."""
+        return f"{describe_absence()} {_end_sentence(self._process.refused_connection)}".rstrip()
+
 
 class GatewayAgents:
     """Processes of all agents of a run behind the gateway. Their events are put from many threads.
@@ -211,11 +215,6 @@ class GatewayAgents:
             member.was_stopped()
         return member is not None
 
-    def describe_absence(self, agent: str) -> str:
-        """Return the fault of an agent, behind the gateway or not, that has not joined in time."""
-        note = self._by_agent[agent].refused_connection if agent in self._by_agent else ""
-        return f"{describe_absence()} {_end_sentence(note)}".rstrip()
-
     def close(self) -> None:
         """End all streams, and admit no connection any more."""
         for process in self._processes():
@@ -275,11 +274,6 @@ class GatewayAgents:
         process.link.open(stream)
         for name in process.agents:
             self._put(AgentJoined(agent=name))
-
-
-def describe_absence() -> str:
-    """Return the fault of a participant that has not joined in time."""
-    return f"expected to join within {JOIN_TIMEOUT_S:g} s, did not."
 
 
 def _end_sentence(text: str) -> str:

@@ -5,9 +5,9 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import cut_contract_frames
@@ -16,6 +16,7 @@ from gslcosim.contract.messages import Briefing, Command, Ending, Observation, V
 from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator, collect_faults
 from gslcosim.runtime.digest import HashChain
+from gslcosim.runtime.network import describe_absence
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.stop_detection import PauseDetector
 from gslcosim.runtime.replay.snapshot import ObservationLog
@@ -97,6 +98,10 @@ class AgentTransport(Protocol):
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run."""
+
+    def describe_absence(self) -> str:
+        """Return the fault of an agent that has not joined in time."""
+        return describe_absence()
 
 
 class ObjectTransport(AgentTransport):
@@ -399,10 +404,15 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
 
 
 class AgentSessions(dict[str, AgentSession]):
-    """Sessions of all agents of a run, by agent."""
+    """Sessions of all agents of a run, by agent.
 
-    def __init__(self, sessions: Mapping[str, AgentSession]) -> None:
-        super().__init__(sessions)
+    Args:
+        events: Queue of their events, and of those of the run's host.
+    """
+
+    def __init__(self, events: "queue.SimpleQueue[Any]") -> None:
+        super().__init__()
+        self.events = events
         self._pauses = PauseDetector()
 
     @property

@@ -172,9 +172,9 @@ def run_distributed(
                 fork_server.release_unused()
             launcher.start_agents(crews, socket_dir)
             gateway.start(children, socket_dir)
-            supervisor.await_all_ready(interruption)
+            supervisor.await_all_ready(interruption.is_set)
             outcome.start_up_s = time.perf_counter() - began
-            supervisor.fly(interruption)
+            supervisor.fly(interruption.is_set)
         except RunEndedError as ended:
             outcome.fault = ended.fault
             if fork_server is not None and ended.fault.participant == FORK_SERVER:

@@ -4,16 +4,16 @@ import queue
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from itertools import takewhile
+
+from typing_extensions import override
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.base.processes import Interruption
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import get_agent_participant
-from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
-from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
+from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport
+from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.session import AgentJoined, AgentSessions, build_session
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
@@ -26,24 +26,22 @@ from gslcosim.runtime.distributed.protocol import (
     SupervisorEvent,
 )
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
-from gslcosim.runtime.network import JOIN_TIMEOUT_S
+from gslcosim.runtime.loop_host import LoopHost
+from gslcosim.runtime.network import describe_absence
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
 from gslcosim.runtime.processes.stop_detection import describe_stop
-from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
+from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names, list_services
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunStatus, StatusReporter
+from gslcosim.runtime.status import RunStatus
 from gslcosim.runtime.stepper import SnapshotPolicy
 from gslcosim.scenario.models.scenario import AgentSpec
 
 # A participant without an answer by then is silent: it is stopped, or its process has too much to do.
 INSPECTION_TIMEOUT_S = 0.5
-POLL_PERIOD_S = 0.1
 # A service that has started or ended ignores the next signal.
 SIGNAL_PERIOD_S = 1.0
-# Limit between two checks of deadlines, for an agent that sends without end.
-MAX_EVENTS_AT_ONCE = 256
 
 
 class RunEndedError(Exception):
@@ -54,11 +52,8 @@ class RunEndedError(Exception):
         self.fault = fault
 
 
-class Supervisor:
-    """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name.
-
-    Events come from many threads and are handled on the one that calls `fly`.
-    """
+class Supervisor(LoopHost):
+    """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name."""
 
     def __init__(
         self,
@@ -70,10 +65,8 @@ class Supervisor:
         groups: Sequence[ServiceGroup],
         restarts: RestartPolicy,
     ) -> None:
-        self._setup = setup
+        super().__init__(setup, AgentSessions(events), report)
         self._bus = bus
-        self._gateway = gateway
-        self._events = events
         self._services = list_service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
         self._restarts = restarts
@@ -82,23 +75,14 @@ class Supervisor:
             for agent in setup.scenario.agents
             if agent.name not in gateway
         }
-        self._agent_hosts = {agent.name: self._build_agent_host(agent) for agent in setup.scenario.agents}
-        self._sessions = AgentSessions({name: host.session for name, host in self._agent_hosts.items()})
-        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
+        self._agent_hosts = {agent.name: self._build_agent_host(agent, gateway) for agent in setup.scenario.agents}
+        self._sessions.update({name: host.session for name, host in self._agent_hosts.items()})
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
-        self._verdict: Verdict | None = None
         # The fault before which all others still have ticks to do.
         self._fault: ServiceFault | None = None
         self._signalled_at_s = 0.0
-        self._started_at_s: float | None = None
-        self._ended_at_s: float | None = None
-
-    @property
-    def has_begun(self) -> bool:
-        """True when simulated time has started."""
-        return self._started_at_s is not None
 
     def listen(self) -> None:
         """Subscribe to services and agents."""
@@ -115,46 +99,34 @@ class Supervisor:
         bus.subscribe(protocol.build_progress_key("*"), self._put)
         bus.subscribe(protocol.build_final_report_key("*"), self._put)
         for pattern in (protocol.build_liveliness_key("*"), protocol.build_agent_liveliness_key("*")):
-            bus.watch_alive(pattern, lambda key, is_alive: self._events.put(LivelinessChanged(key, is_alive)))
+            bus.watch_alive(pattern, lambda key, is_alive: self._sessions.events.put(LivelinessChanged(key, is_alive)))
 
     # On any thread.
     def _put(self, key: str, payload: bytes) -> None:
-        self._events.put(MessageReceived(key, payload))
+        self._sessions.events.put(MessageReceived(key, payload))
 
-    def await_all_ready(self, interruption: Interruption) -> None:
-        """Wait until all services and agents have joined, or for an interruption."""
-        began_s = time.monotonic()
-        while lacking := self._not_ready():
-            if interruption.is_set():
-                return
-            began_s += self._renew()
-            waited_s = time.monotonic() - began_s
-            if waited_s > JOIN_TIMEOUT_S:
-                self._give_up_on(lacking)
-            if (fault := self._watchdog.find_lost(time.monotonic())) is not None:
-                raise RunEndedError(fault)
-            self._status_reporter.report_awaited(lacking, waited_s)
-            self._handle_next()
-
-    def fly(self, interruption: Interruption) -> None:
+    def fly(self, is_interrupted: Callable[[], bool]) -> None:
         """Start simulated time, and watch until all services have sent their last message, or an interruption."""
-        if interruption.is_set():
+        if is_interrupted():
             return
         self._started_at_s = time.perf_counter()
         self._watchdog.moved(time.monotonic())
-        for _ in takewhile(
-            lambda _: not interruption.is_set(), replay_observations(self._setup, self._agent_hosts, self._bus_links)
-        ):
-            self._handle_next()
-            self._check_time()
+        if self._setup.snapshot is not None:
+            self._brief_agents()
+            # Sensing, which otherwise sends agents on the bus their messages, resumes at the snapshot.
+            for link in self._bus_links.values():
+                link.is_writer = True
+            self._replay_observations(is_interrupted)
+            for link in self._bus_links.values():
+                link.is_writer = False
         try:
-            while not (self._watchdog.is_finished and not self._list_overdue()) and not interruption.is_set():
+            while not (self._watchdog.is_finished and not self._list_overdue()) and not is_interrupted():
                 self._repeat_signals()
                 self._handle_next()
                 self._check_time()
-                wall_s = time.perf_counter() - self._started_at_s
                 state = "flying" if self._verdict is None else "closing"
-                self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)
+                tick = self._watchdog.tick_of("referee")
+                self._status_reporter.report_run(state, tick, self.wall_s, self._restarts.text)
         except RunEndedError:
             # The fault remains the cause where the ticks before it cannot be finished.
             self._raise_fault()
@@ -183,14 +155,12 @@ class Supervisor:
 
     def shut_down(self) -> None:
         """Send agents and services the end of the run."""
-        self._ended_at_s = time.perf_counter()
-        self._sessions.end(self._verdict)
+        self._end_agents()
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
         """Add verdict, faults, timing and digest to the outcome."""
-        if self._started_at_s is not None and self._ended_at_s is not None:
-            outcome.flight_wall_s = self._ended_at_s - self._started_at_s
+        outcome.flight_wall_s = self.wall_s
         reports, verdict = self._watchdog.final_reports, self._verdict
         ending = self._fault if self._watchdog.is_finished else None
         outcome.collect(
@@ -214,13 +184,25 @@ class Supervisor:
             trails |= {port: HashChain.from_fields(fields) for port, fields in report.trails.items()}
         outcome.digest = RunDigest.of(trails, writer_of, verdict.tick)
 
-    def _build_agent_host(self, agent: AgentSpec) -> AgentHost:
-        link = self._bus_links.get(agent.name) or self._gateway.get_transport(agent.name)
+    def _build_agent_host(self, agent: AgentSpec, gateway: GatewayAgents) -> AgentHost:
+        link = self._bus_links.get(agent.name) or gateway.get_transport(agent.name)
         session = build_session(agent, self._setup, link)
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
         return AgentHost(session, self._bus, lambda got: self._put(keys.observation(agent.name), got), more_ticks)
 
+    # In the same words as sensing does when it goes on, which is a repetition.
+    def _brief_agents(self) -> None:
+        for kind in list_services(self._setup.scenario):
+            if kind.build_briefings is not None:
+                for agent, briefing in kind.build_briefings(self._setup).items():
+                    self._agent_hosts[agent].brief(codec.encode(briefing))
+
+    @override
+    def _observe(self, agent: str, payload: bytes) -> None:
+        self._agent_hosts[agent].observe(payload)
+
     # Services are queried only for a client of the status; on any thread.
+    @override
     def _look(self) -> list[ParticipantStatus]:
         answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         asked = [name for name in self._services if name not in self._watchdog.final_reports]
@@ -249,16 +231,7 @@ class Supervisor:
 
     # ------------------------------------------------------------ events
 
-    def _handle_next(self) -> None:
-        try:
-            self._handle(self._events.get(timeout=POLL_PERIOD_S))
-        except queue.Empty:
-            return
-        for _ in range(MAX_EVENTS_AT_ONCE):
-            if self._events.empty():
-                return
-            self._handle(self._events.get())
-
+    @override
     def _handle(self, event: SupervisorEvent) -> None:
         match event:
             case MessageReceived(key, payload):
@@ -274,14 +247,14 @@ class Supervisor:
             case Interrupted() | ProcessStopped():
                 return
             case _:
-                self._sessions[event.agent].handle(event)
+                super()._handle(event)
 
     # A service that ends by itself reports the reason, but its end may be detected before the report has come.
     def _take_last_messages(self) -> None:
         deadline_s = time.monotonic() + LOST_CONTACT_GRACE_S
         while (left_s := deadline_s - time.monotonic()) > 0:
             with suppress(queue.Empty):
-                self._handle(self._events.get(timeout=left_s))
+                self._handle(self._sessions.events.get(timeout=left_s))
 
     # A name that is none of the run's comes from a hostile host; it has no handler.
     def _on_message(self, key: str, payload: bytes) -> None:
@@ -399,25 +372,31 @@ class Supervisor:
 
     # ------------------------------------------------------------ time
 
-    def _not_ready(self) -> list[str]:
-        services = [name for name in self._services if name not in self._described]
-        return services + self._sessions.awaited
+    @override
+    def _list_awaited(self) -> list[str]:
+        return [name for name in self._services if name not in self._described] + super()._list_awaited()
 
-    def _give_up_on(self, lacking: list[str]) -> None:
-        for name in lacking:
-            if name not in self._sessions:
-                raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
-            self._sessions[name].mark_lost(self._gateway.describe_absence(name))
+    @override
+    def _give_up(self, name: str) -> None:
+        if name not in self._sessions:
+            raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
+        super()._give_up(name)
 
-    # No service was late while this process stood still.
-    def _renew(self) -> float:
-        missed_s = self._sessions.renew_deadlines()
+    @override
+    def _check_contact(self) -> None:
+        if (fault := self._watchdog.find_lost(time.monotonic())) is not None:
+            raise RunEndedError(fault)
+
+    @override
+    def _renew_deadlines(self) -> float:
+        missed_s = super()._renew_deadlines()
         if missed_s > 0:
             self._watchdog.extend_deadlines(missed_s, time.monotonic())
         return missed_s
 
+    @override
     def _check_time(self) -> None:
-        self._renew()
+        super()._check_time()
         now_s = time.monotonic()
         for name, since_s in list(self._departed_at_s.items()):
             if now_s - since_s > LOST_CONTACT_GRACE_S:
@@ -426,7 +405,6 @@ class Supervisor:
         if self._sessions.are_pending:
             # An agent that owes an answer is not a stall of the run; it has its own deadline.
             self._watchdog.moved(now_s)
-        self._sessions.check_deadlines()
         is_judged, overdue = self._verdict is not None or self._fault is not None, self._list_overdue()
         fault = self._watchdog.check(now_s, is_judged=is_judged, look=self._look_twice, overdue=overdue)
         if fault is not None:

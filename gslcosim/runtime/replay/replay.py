@@ -1,5 +1,6 @@
 """Replay of a run: its recorded commands stand in for the agents."""
 
+import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.session import (
     AgentLost,
+    AgentSessions,
     AgentTransport,
     CommandReceived,
     EventSink,
@@ -21,7 +23,7 @@ from gslcosim.runtime.agents.session import (
     build_session,
 )
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.in_process import InProcessRun, LocalAgents
+from gslcosim.runtime.in_process import InProcessRun
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
@@ -149,7 +151,7 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
-    agents = LocalAgents()
+    agents = AgentSessions(queue.SimpleQueue())
     # An agent in free mode has no due commands: only its session recorded the ticks of its commands.
     recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
     for agent in setup.scenario.agents:

@@ -40,7 +40,7 @@ def supervisor(loaded, events, tmp_path):
 
 def fault_of(supervisor):
     with pytest.raises(RunEndedError) as ended, Interruption() as interruption:
-        supervisor.await_all_ready(interruption)
+        supervisor.await_all_ready(interruption.is_set)
     return ended.value.fault
 
 
