@@ -19,11 +19,7 @@ from gslcosim.scenario import Scenario, dump_resolved
 def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) -> ForkedProcess | None:
     """Let a fork compile as many kernels of a scenario's services as it can while the environment is built.
 
-    Args:
-        scenario: Scenario of the run; its environment is of any kind but one with a `path`.
-
-    Returns:
-        The fork; None if the server has ended, of which the caller is informed separately.
+    Returns the fork; None if the server has ended, of which the caller is informed separately.
     """
     request = {"scenario": dump_resolved(scenario), "directory": str(directory.absolute())}
     with contextlib.suppress(SimulationFault):
@@ -32,16 +28,11 @@ def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) ->
 
 
 def run_warmup_request(request: Mapping[str, str]) -> None:
-    """Warm up the services of the scenario that a request of `fork_warmup` holds."""
-    warm_up_services(Scenario.model_validate(yaml.safe_load(request["scenario"])), Path(request["directory"]))
+    """Build and warm up the services of the scenario of `fork_warmup` in its room, which is any but one with a `path`.
 
-
-def warm_up_services(scenario: Scenario, directory: Path) -> None:
-    """Build and warm up the services of a scenario in its room; what they compile is kept in the cache.
-
-    Args:
-        scenario: Its environment is any but one with a `path`.
+    What they compile is kept in the cache.
     """
+    scenario, directory = Scenario.model_validate(yaml.safe_load(request["scenario"])), Path(request["directory"])
     environment = build_still_environment(scenario, scenario_dir=directory)
     setup = RunSetup(run_dir=RunDir(directory), scenario=scenario, environment_dir=directory, environment=environment)
     services = [kind for kind in list_services(scenario) if kind.is_warmed_up]

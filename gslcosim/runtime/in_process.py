@@ -33,7 +33,7 @@ from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.services import build_all_cores
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.stepper import SentMessage, StepListener, StepLoop, Stepper
+from gslcosim.runtime.stepper import SentMessage, SnapshotPolicy, StepListener, StepLoop, Stepper, build_clock_pace
 
 REPORT_EVERY_TICKS = 64
 # Receives every message with its port, in the order in which they are delivered.
@@ -66,7 +66,9 @@ class InProcessRun(LoopHost, StepListener):
         for session in agents.values():
             session.deliver = self._deliver_command
         self._dataflow, cores = build_all_cores(setup)
-        self._loop = StepLoop.of_run(setup, cores, self._dataflow, self, until_tick)
+        pace, policy = build_clock_pace(setup), SnapshotPolicy.of(setup)
+        self._loop = StepLoop(cores, self._dataflow, self, is_whole_run=True, pace=pace, policy=policy)
+        self._loop.end_at(until_tick)
         self.pause_before_tick: int | None = None
         self._reported_tick = -1
 
@@ -80,11 +82,8 @@ class InProcessRun(LoopHost, StepListener):
     def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
-        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause.
-
-        Args:
-            outcome: Receives the results at the end.
-            is_interrupted: Returns whether to stop; called repeatedly.
+        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause. The
+        outcome receives the results at the end.
         """
         began_s = time.perf_counter()
         try:
@@ -159,15 +158,11 @@ class InProcessRun(LoopHost, StepListener):
             elif (wait_s := loop.pace_wait_s) > 0:
                 self._handle_next(min(wait_s, POLL_PERIOD_S))
             elif not loop.can_any_step():
-                raise GslCosimError(self._explain_stall())
-
-    # No participant can step and no agent is due: a participant deviates from its declaration.
-    def _explain_stall(self) -> str:
-        stall = explain_stall(self._look())
-        for stepper in self._loop.steppers:
-            if stall is not None and stepper.spec.name == stall.culprit:
-                self._loop.acting = stepper
-        return f"no participant can step.\n{stall.text if stall else ''}"
+                # No agent is due: a participant deviates from its declaration.
+                stall = explain_stall(self._look())
+                culprits = (stepper for stepper in loop.steppers if stall and stepper.spec.name == stall.culprit)
+                loop.acting = next(culprits, loop.acting)
+                raise GslCosimError(f"no participant can step.\n{stall.text if stall else ''}")
 
     def _report_if_due(self) -> None:
         tick = self._tick
@@ -232,7 +227,6 @@ def host_agents(
     Leaving the context ends the processes.
 
     Args:
-        setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
         commanded: Transports of the agents that the caller commands; no program of theirs is started.
@@ -268,14 +262,6 @@ def run_in_process(
     report: Callable[[RunStatus], None],
     watch: MessageObserver | None = None,
 ) -> RunOutcome:
-    """Run a scenario in this process, with its agents; see `host_agents`.
-
-    Args:
-        setup: The run.
-        directory: The scenario's folder, where relative paths of agents start.
-        network: Where agents that attach themselves find their join data.
-        report: Receives the status of the run.
-        watch: Receives every message, for figures of the run; it must change none.
-    """
+    """Run a scenario in this process, with its agents; see `host_agents`. The watcher of messages must change none."""
     with Interruption() as interruption, host_agents(setup, directory, network) as agents:
         return InProcessRun(setup, agents, report, watch).fly(interruption.is_set)

@@ -58,18 +58,8 @@ class PriorRun:
 class RunPlan:
     """Inputs that decide a run's result, and the place of its folder.
 
-    Attributes:
-        scenario: The scenario.
-        environment_dir: The folder of its room.
-        runs_dir: Folder of the run's folder.
-        directory: Folder from which relative paths of agents start.
-        processes: Distribution of the run over processes.
-        began: Start of the run by `time.perf_counter` [s].
-        origin: Facts for the manifest about the run that is repeated.
-        past: Commands of that run, which stand in for those of agents.
-        paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
-        snapshot: Snapshot at which it resumes; absent: it begins at tick 0.
-        sources: The files from which the scenario was resolved.
+    It began at `began` by `time.perf_counter` [s]; `origin` holds facts about a run that is repeated, for the manifest.
+    The others are those of `RunSetup`.
     """
 
     scenario: Scenario
@@ -98,12 +88,9 @@ def run_scenario(
     """Run a scenario and leave a run directory, whatever happens in between.
 
     Args:
-        loaded: The scenario and its origin.
-        runs_dir: Folder of the run's folder.
         processes: Distribution of the run over processes; absent: that of the scenario.
         network: Access to the run's router; ignored in one process.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Receives the status of the run.
         repetition: Past that is taken over from another run; absent: none.
 
     Raises:
@@ -171,17 +158,8 @@ def run_scenario(
 class OpenRun:
     """Run with a folder: a context that leaves a result in it, whatever ends the run.
 
-    Inside, `prepare` returns the setup, and the caller sets `outcome`. An exception becomes the outcome's
-    fault, and goes no further.
-
-    Args:
-        plan: Inputs of the run.
-        report: Receives the status of the run.
-
-    Attributes:
-        outcome: That of the run.
-        report: Receives the status from the run's host.
-        result: The result, once the context is left.
+    Inside, `prepare` returns the setup, the run's host gets `report`, and the caller sets `outcome`. An exception
+    becomes the outcome's fault, and goes no further. `result` is there once the context is left.
     """
 
     result: RunResult
@@ -328,21 +306,17 @@ class KernelFolder:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._folder = folder or Path(os.environ.get(NUMBA_VARIABLE, os.devnull))
+        self.path = folder or Path(os.environ.get(NUMBA_VARIABLE, os.devnull))
         self._before = self._times()
 
     def has_new(self) -> bool:
         """Return whether kernels were added since."""
         return self._times() != self._before
 
-    def mark_used(self) -> None:
-        """Keep it in the cache while this process lives."""
-        mark_used(self._folder)
-
     # Each folder of modules changes when a file is added.
     def _times(self) -> Mapping[str, int]:
         try:
-            return {entry.name: entry.stat().st_mtime_ns for entry in os.scandir(self._folder) if entry.is_dir()}
+            return {entry.name: entry.stat().st_mtime_ns for entry in os.scandir(self.path) if entry.is_dir()}
         except OSError:
             return {}
 
@@ -352,18 +326,18 @@ class CompilationReporter:
 
     A first run of a version compiles for a minute, and one in a single process has nothing else to report meanwhile.
 
-    Args:
-        report: Receives the status.
-        folder: Folder of the kernels.
+    Attributes:
+        has_compiled: True if kernels were compiled.
     """
 
     def __init__(self, report: Callable[[RunStatus], None], folder: KernelFolder | None = None) -> None:
         self._report = report
         self._folder = folder or KernelFolder()
-        self._folder.mark_used()
+        # Kept in the cache while this process lives.
+        mark_used(self._folder.path)
         self._guard = threading.Lock()
         self._last: RunStatus | None = None
-        self._is_compiling = False
+        self.has_compiled = False
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watches kernels", daemon=True)
 
@@ -374,11 +348,6 @@ class CompilationReporter:
     def __exit__(self, *_: object) -> None:
         self._is_over.set()
         self._thread.join()
-
-    @property
-    def has_compiled(self) -> bool:
-        """True if kernels were compiled."""
-        return self._is_compiling
 
     def __call__(self, status: RunStatus) -> None:
         """Report a status."""
@@ -394,13 +363,13 @@ class CompilationReporter:
                 continue
             with self._guard:
                 if not self._is_over.is_set():
-                    self._is_compiling = True
+                    self.has_compiled = True
                     last = self._last or RunStatus(state="starting")
                     self._report(self._completed(replace(last, run_dir=None)))
             return
 
     def _completed(self, status: RunStatus) -> RunStatus:
-        if not self._is_compiling or status.state not in ("preparing", "starting"):
+        if not self.has_compiled or status.state not in ("preparing", "starting"):
             return status
         if status.state == "preparing":
             return replace(status, text=f"{status.text}, {_TEXT_OF_PREPARATION}", is_compiling=True)

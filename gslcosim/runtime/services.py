@@ -209,7 +209,6 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
     """Return the checked dataflow of a run.
 
     Args:
-        scenario: Scenario of the run.
         window_ticks: Lead that a writer may have over an ordinary reader; the windows of other readers, larger or
             smaller, change in proportion. Absent: the window that each reader states.
     """
@@ -223,10 +222,7 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
 def plan_processes(scenario: Scenario, processes: Processes, network: Network) -> tuple[ServiceGroup, ...]:
     """Return the services of each process of a run, from upstream to downstream; those elsewhere come last.
 
-    Args:
-        scenario: Scenario of the run.
-        processes: Distribution of the run over processes; with `one` there are no others.
-        network: Determines the services that are elsewhere.
+    With the processes `one` there are no others than this one.
     """
     services = list_service_names(scenario)
     build_dataflow(scenario)
@@ -239,12 +235,7 @@ def plan_processes(scenario: Scenario, processes: Processes, network: Network) -
 
 
 def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return the problems that keep services of other packages, and the user's own models, in a scenario from running.
-
-    Args:
-        scenario: Scenario of the run.
-        directory: Not needed.
-    """
+    """Return the problems that keep services of other packages, and a scenario's own models, from running."""
     del directory
     try:
         if problems := [*find_participant_problems(scenario)]:

@@ -161,6 +161,8 @@ class StatusServer:
         """Return the status as a client gets it now; `stall` explains why nothing moves, and is empty otherwise."""
         status = self._status
         participants = status.participants()
+        still_s = time.monotonic() - self._moved_at_s
+        stall = explain_stall(participants) if status.state == "flying" and still_s > STALL_SHOWN_AFTER_S else None
         return {
             **self._facts,
             "state": status.state,
@@ -176,13 +178,8 @@ class StatusServer:
                 }
                 for participant in participants
             ],
-            "stall": self._explain(status, participants),
+            "stall": f"nothing has moved for {still_s:.0f} s\n{stall.text}" if stall is not None else "",
         }
-
-    def _explain(self, status: RunStatus, participants: list[ParticipantStatus]) -> str:
-        still_s = time.monotonic() - self._moved_at_s
-        stall = explain_stall(participants) if status.state == "flying" and still_s > STALL_SHOWN_AFTER_S else None
-        return f"nothing has moved for {still_s:.0f} s\n{stall.text}" if stall is not None else ""
 
     def _answer(self, connection: socket.socket) -> dict[str, Any]:
         try:

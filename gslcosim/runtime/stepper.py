@@ -91,12 +91,15 @@ class Gate:
             return False
         self._held[port][message.tick] = message
         self._last_ticks[port] = message.tick
-        self._note(port, message)
+        self.note(port, message)
         return True
 
-    def wrote(self, port: str, message: Message) -> None:
-        """Take note of an output of the participant itself, which may announce a message that it reads."""
-        self._note(port, message)
+    def note(self, port: str, message: Message) -> None:
+        """Take note of what an input, or an output of the participant itself, announces and closes."""
+        if port in self._announced:
+            self._announced[port].setdefault(message.tick, message.announced_ports())
+        if message.closes_port:
+            self._closed[port] = min(message.tick, self._closed.get(port, message.tick))
 
     def grant(self, reader: str, tick: int) -> None:
         """Take note that a reader has finished a tick."""
@@ -193,12 +196,6 @@ class Gate:
 
     def _last_tick_in_credit(self) -> int:
         return min((self._credit[name] + window for name, window in self._windows.items()), default=NO_TICK_LIMIT)
-
-    def _note(self, port: str, message: Message) -> None:
-        if port in self._announced:
-            self._announced[port].setdefault(message.tick, message.announced_ports())
-        if message.closes_port:
-            self._closed[port] = min(message.tick, self._closed.get(port, message.tick))
 
 
 @dataclass(frozen=True)
@@ -313,7 +310,7 @@ class Stepper:
     def _send(self, port: str, message: Message) -> SentMessage:
         payload = codec.encode_finite(message)
         self.trails[port].append(message.tick, payload)
-        self.gate.wrote(port, message)
+        self.gate.note(port, message)
         sent = SentMessage(port, message, payload)
         if self._state_adapter is not None:
             self._remember(sent)
@@ -410,12 +407,8 @@ class ClockPace:
     than that by more than its own length counts as late. Small delays are made up for; one of more than
     `MAX_CAUGHT_UP_S` is lost: from there time goes on at the pace.
 
-    All times are those of the monotonic clock [s].
-
-    Args:
-        pace: Simulated seconds in a second.
-        tick_ns: Length of a tick [ns].
-        from_tick: The first tick that is held back.
+    All times are those of the monotonic clock [s]. `pace` is in simulated seconds in a second; ticks before `from_tick`
+    are not held back.
     """
 
     def __init__(self, pace: float, tick_ns: int, *, from_tick: int = 0) -> None:
@@ -502,22 +495,13 @@ class SnapshotPolicy:
         """True when the states of cores are saved or restored."""
         return self.every_ticks is not None or self.snapshot is not None
 
-    def write_part(self, stepper: Stepper) -> None:
-        """Write a participant's part of a snapshot."""
-        save_part(self.run_dir, stepper.part())
-
     def is_due(self, stepper: Stepper) -> bool:
         """Return whether a participant is to write its part of a snapshot before its next step."""
         tick, every = stepper.gate.next_tick, self.every_ticks
         return every is not None and stepper.is_kept and tick > 0 and tick % every == 0
 
     def go_on(self, steppers: Collection[Stepper], dataflow: Dataflow) -> None:
-        """Let participants that have been reset go on at the snapshot, if the run has one to go on at.
-
-        Args:
-            steppers: Those of this process.
-            dataflow: Of the whole run.
-        """
+        """Let the participants of this process, which have been reset, go on at the run's snapshot, if it has one."""
         if self._go_on_where_it_was(steppers):
             return
         snapshot = self.snapshot
@@ -579,15 +563,11 @@ class StepLoop:
         pace: ClockPace | None = None,
         policy: SnapshotPolicy | None = None,
     ) -> None:
-        """Prepare to step cores.
+        """Prepare to step cores, from upstream to downstream.
 
         Args:
-            cores: From upstream to downstream.
-            dataflow: Of the whole run.
-            listener: Is called at each step.
             is_whole_run: True where all readers are here; then none runs ahead, and no credit is counted.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
-            policy: Of snapshots; absent: there are none.
         """
         self._dataflow = dataflow
         self._listener = listener
@@ -614,16 +594,6 @@ class StepLoop:
                     stepper.gate.grant(reader.name, NO_TICK_LIMIT)
                 elif reader.name in self._creditors:
                     self._creditors[reader.name].append(stepper)
-
-    @classmethod
-    def of_run(
-        cls, setup: RunSetup, cores: Sequence[Core], dataflow: Dataflow, listener: StepListener, until_tick: int | None
-    ) -> "StepLoop":
-        """Return the loop of a whole run, which ends after a tick, if one is given, where no verdict comes before."""
-        pace, policy = build_clock_pace(setup), SnapshotPolicy.of(setup)
-        loop = cls(cores, dataflow, listener, is_whole_run=True, pace=pace, policy=policy)
-        loop.end_at(until_tick)
-        return loop
 
     @property
     def is_paced(self) -> bool:
@@ -674,26 +644,16 @@ class StepLoop:
 
         Returns whether any has stepped.
         """
-        return self._step_in_turn() if self._is_whole_run else self._step_all_that_can()
-
-    def _step_in_turn(self) -> bool:
         has_stepped = False
         for stepper in self.steppers[self._turn :]:
             if self.can_step(stepper):
                 self.step_one(stepper)
                 has_stepped = True
-            elif not stepper.gate.is_finished:
+            elif self._is_whole_run and not stepper.gate.is_finished:
                 return has_stepped
-            self._turn += 1
+            if self._is_whole_run:
+                self._turn += 1
         self._turn = 0
-        return has_stepped
-
-    def _step_all_that_can(self) -> bool:
-        has_stepped = False
-        for stepper in self.steppers:
-            if self.can_step(stepper):
-                self.step_one(stepper)
-                has_stepped = True
         return has_stepped
 
     def can_step(self, stepper: Stepper) -> bool:
@@ -719,7 +679,7 @@ class StepLoop:
         self.pass_on(stepper, stepper.step())
         if self._policy is not None and self._policy.is_due(stepper):
             self._listener.before_snapshot(stepper)
-            self._policy.write_part(stepper)
+            save_part(self._policy.run_dir, stepper.part())
         self._listener.after_step(stepper)
 
     def pass_on(self, stepper: Stepper, outputs: list[SentMessage]) -> None:

@@ -42,7 +42,8 @@ def warm_up(core: Core, scenario: Scenario) -> Core:
     return core
 
 
-def _build_resting_body(agent: AgentSpec) -> BodyState:
+def build_resting_body(agent: AgentSpec) -> BodyState:
+    """Return the state of an agent's vehicle before the first tick: at rest at its start."""
     has_imu = any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors)
     return BodyState(
         agent=agent.name,
@@ -83,7 +84,7 @@ def _build_blank_images(scenario: Scenario, tick: int) -> CameraFrames:
 
 
 _SYNTHETIC_MESSAGES: dict[str, Callable[[Scenario, int], Message]] = {
-    keys.BODIES: lambda scenario, tick: BodyPoses(tick=tick, bodies=tuple(map(_build_resting_body, scenario.agents))),
+    keys.BODIES: lambda scenario, tick: BodyPoses(tick=tick, bodies=tuple(map(build_resting_body, scenario.agents))),
     keys.SAMPLES: _build_clean_samples,
     keys.RADIO: lambda _, tick: RadioTraffic(tick=tick),
     keys.IMAGES: _build_blank_images,

@@ -36,10 +36,10 @@ from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.warmup import build_resting_body
 from gslcosim.scenario import LoadedScenario, Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.models.gas import SourceSpec
-from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim_services.fields.core import FieldsCore
 
 _Message = TypeVar("_Message", bound=Message)
@@ -59,7 +59,7 @@ class Truth:
         """True pose, velocity and contacts of each agent's vehicle; at its start before the first step."""
         poses = self._simulation.get_latest(BodyPoses)
         if poses is None:
-            return {agent.name: _place_at_start(agent) for agent in self._simulation.scenario.agents}
+            return {agent.name: build_resting_body(agent) for agent in self._simulation.scenario.agents}
         return {body.agent: body for body in poses.bodies}
 
     @property
@@ -469,19 +469,6 @@ class Simulation:
         if self.outcome.verdict is not None:
             return self.outcome.verdict.end_reason
         return "a service failed" if self.outcome.fault is not None else "closed"
-
-
-def _place_at_start(agent: AgentSpec) -> BodyState:
-    return BodyState(
-        agent=agent.name,
-        position_world_m=agent.vehicle.start_m,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
-        phase="on_ground",
-        awaiting_command=False,
-        path_length_m=0.0,
-    )
 
 
 class _Player(threading.Thread):

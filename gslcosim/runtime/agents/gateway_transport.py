@@ -63,11 +63,7 @@ class _AgentProcess:
         self._has_exited.set()
         if self.is_open:
             self._has_stopped_talking.wait(LOG_TAIL_WAIT_S)
-        self._report_end(f"the agent's process {how} before the end of the run.")
-
-    def was_stopped(self) -> None:
-        """Take note that the process was stopped for too long, and is being killed."""
-        self._report_end(f"the agent's process {describe_stop()}.")
+        self.report_end(f"the agent's process {how} before the end of the run.")
 
     def refuse(self, text: str) -> None:
         """Keep the reason why a connection was refused."""
@@ -79,12 +75,12 @@ class _AgentProcess:
         elif kind == "refused":
             self.put(CommandRefused(agent=self.spec.name, text=data.decode(errors="replace")))
         elif kind == "closed":
-            self._report_end(f"the agent was given up: {data.decode()}")
+            self.report_end(f"the agent was given up: {data.decode()}")
         else:
             self._rest = data.decode()
             self._has_stopped_talking.set()
             if self.spec.start.attach or not self._has_exited.wait(LOG_TAIL_WAIT_S):
-                self._report_end("the agent closed its output before the end of the run.")
+                self.report_end("the agent closed its output before the end of the run.")
 
     # Frames of a process with several agents name the agent.
     def _put_command(self, payload: bytes) -> None:
@@ -98,7 +94,8 @@ class _AgentProcess:
             text = f"Command: agent: expected {' or '.join(self.agents)}, was {name[:80]!r}."
             self.put(CommandRefused(agent=self.spec.name, text=text))
 
-    def _report_end(self, text: str) -> None:
+    def report_end(self, text: str) -> None:
+        """Report once that the process sends nothing any more."""
         with self._lock:
             if self._is_gone:
                 return
@@ -212,7 +209,7 @@ class GatewayAgents:
     def stopped(self, process: str) -> bool:
         """Take note, on any thread, that a process was stopped for too long; return whether it is one of these."""
         if (member := self._find(process)) is not None:
-            member.was_stopped()
+            member.report_end(f"the agent's process {describe_stop()}.")
         return member is not None
 
     def close(self) -> None:

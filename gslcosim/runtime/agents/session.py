@@ -17,7 +17,7 @@ from gslcosim.contract.participant import get_agent_participant
 from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator, collect_faults
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.network import describe_absence
-from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
+from gslcosim.runtime.participant_status import ParticipantStatus
 from gslcosim.runtime.processes.stop_detection import PauseDetector
 from gslcosim.runtime.replay.snapshot import ObservationLog
 from gslcosim.runtime.run_dir import MachineLog
@@ -281,16 +281,15 @@ class AgentSession:
     _asked_at_s: float | None = None
     _repeated_at_s: float = 0.0
 
-    @property
-    def owed_s(self) -> float | None:
-        """For how long the agent has owed an answer [s]; None where it owes none."""
+    def look(self) -> ParticipantStatus:
+        """Return the agent's status; may be called on any thread."""
         asked_at_s = self._asked_at_s
-        return None if asked_at_s is None else time.monotonic() - asked_at_s
-
-    @property
-    def state(self) -> ParticipantState:
-        """State of the agent in a run's status."""
-        return "joining" if self.is_awaited else "deciding" if self.is_pending else "waiting"
+        return ParticipantStatus(
+            name=self.agent,
+            state="joining" if self.is_awaited else "waiting" if asked_at_s is None else "deciding",
+            tick=self.last_tick,
+            occupied_s=None if asked_at_s is None else time.monotonic() - asked_at_s,
+        )
 
     @property
     def is_pending(self) -> bool:
@@ -437,10 +436,7 @@ class AgentSessions(dict[str, AgentSession]):
 
     def look(self) -> list[ParticipantStatus]:
         """Return the status of all agents."""
-        return [
-            ParticipantStatus(name=name, state=session.state, tick=session.last_tick, occupied_s=session.owed_s)
-            for name, session in self.items()
-        ]
+        return [session.look() for session in self.values()]
 
     def check_deadlines(self) -> None:
         """Give up each agent that has owed an answer for too long; repeat questions that may have got lost."""

@@ -14,7 +14,7 @@ from typing import Any
 import gslcosim
 from gslcosim.base.errors import RunTimeoutError, format_fault
 from gslcosim.bus.interface import Bus
-from gslcosim.contract import codec
+from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.contract.version import CONTRACT_HASH
@@ -72,7 +72,9 @@ class ParticipantLink:
         self._ports_that_leave = {
             write.port
             for write in self.stepper.spec.writes
-            if protocol.is_always_published(write.port)
+            # Agents and the supervisor read these, wherever else they are read.
+            if protocol.is_read_by_agents(write.port)
+            or write.port == keys.VERDICT
             or any(
                 read.port == write.port
                 for reader in dataflow.readers_of[self.name]
@@ -215,13 +217,7 @@ class Host:
         pace: ClockPace | None = None,
         policy: SnapshotPolicy | None = None,
     ) -> None:
-        """Prepare to host cores, each of a participant of its own.
-
-        Args:
-            cores: From upstream to downstream.
-            pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
-            policy: Of snapshots; absent: there are none.
-        """
+        """Prepare to host cores, from upstream to downstream, each of a participant of its own; see `StepLoop`."""
         self._bus = bus
         self._dataflow = dataflow
         self._episode = episode

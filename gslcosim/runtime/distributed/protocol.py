@@ -12,7 +12,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.contract import keys
 from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.runtime.agents.session import AgentEvent
-from gslcosim.runtime.participant_status import MissingMessage, ParticipantName, ParticipantStatus, PortName, Tick
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantName, PortName, Tick
 
 START_KEY = "ctl/start"
 STOP_KEY = "ctl/stop"
@@ -68,11 +68,6 @@ def build_outgoing_bundles_key(writer: str) -> str:
 def is_read_by_agents(port: str) -> bool:
     """Return whether agents read a port: each message is then also sent on its own key, as the contract requires."""
     return port.startswith("agents/")
-
-
-def is_always_published(port: str) -> bool:
-    """Return whether a port is sent even within the writer's process: agents read it, or the supervisor."""
-    return is_read_by_agents(port) or port == keys.VERDICT
 
 
 def build_question_key(port: str) -> str:
@@ -188,10 +183,6 @@ class ParticipantInspection(ControlMessage):
     cpu_s: float = Field(ge=0, allow_inf_nan=False)
     memory_bytes: Amount | None
     n_resends: Amount
-
-    def as_status(self) -> ParticipantStatus:
-        """Return the reported status of the participant."""
-        return ParticipantStatus(**dict(self))
 
 
 class HashChainFields(TypedDict):

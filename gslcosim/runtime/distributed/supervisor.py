@@ -214,7 +214,7 @@ class Supervisor(LoopHost):
             while len(came) < len(asked):
                 payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
                 inspection = protocol.ParticipantInspection.from_bytes(payload)
-                came[inspection.name] = inspection.as_status()
+                came[inspection.name] = ParticipantStatus(**dict(inspection))
         services = [came.get(name) or self._describe_silent(name) for name in self._services]
         return services + self._sessions.look()
 

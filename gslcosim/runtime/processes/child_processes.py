@@ -138,11 +138,6 @@ class ChildProcesses:
         # A copy at once: processes are added while another thread asks.
         return {name: process.pid for name, process in list(self._children.items()) if process.poll() is None}
 
-    @property
-    def running(self) -> list[str]:
-        """Names of the processes that have not ended."""
-        return list(self.pids)
-
     def wait(self, limit_s: float) -> None:
         """Wait until all processes have ended, or until the limit."""
         deadline = time.monotonic() + limit_s

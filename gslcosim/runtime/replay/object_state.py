@@ -90,18 +90,6 @@ def _is_walkable_type(type_: type) -> bool:
     return not issubclass(type_, (type, Enum, BaseException, np.ndarray, Struct, *CONTAINERS))
 
 
-def is_immutable_external(value: Any) -> bool:
-    """Return whether a value of another library never changes: only then may its state be left out."""
-    if isinstance(value, (type, *_IMMUTABLE_TYPES)):
-        return True
-    return type(value).__module__.partition(".")[0] in _IMMUTABLE_LIBRARIES
-
-
-def build_record(type_: Any, fields: dict[str, Any]) -> Any:
-    """Return a frozen record of fields that have been checked when they were first in one."""
-    return StructMeta.__call__(type_, **fields)
-
-
 def get_import_name(type_: type) -> str:
     """Return the name under which a type is found again."""
     return f"{type_.__module__}:{type_.__qualname__}"
@@ -337,7 +325,9 @@ class StateReader:
             return True
         if find_external_adapter(value) is not None or is_walkable(value, self._packages):
             return False
-        return is_immutable_external(value)
+        # A value of another library: only where it never changes may its state be left out.
+        is_immutable = isinstance(value, (type, *_IMMUTABLE_TYPES))
+        return is_immutable or type(value).__module__.partition(".")[0] in _IMMUTABLE_LIBRARIES
 
     def _fill(self, node: Node, value: Any, found: BaselineEntry | None) -> None:
         foreign = find_external_adapter(value)
@@ -570,7 +560,8 @@ class StateWriter:
                 if found is not None:
                     return found.value
                 fields = {name: self._value(inner) for name, inner in node["a"].items()}
-                return build_record(find_type(node["t"], "c", self._packages), fields)
+                # They have been checked when they were first in one.
+                return StructMeta.__call__(find_type(node["t"], "c", self._packages), **fields)
             case "frozenset":
                 return found.value if found is not None else frozenset(self._value(item) for item in node["v"])
             case "p":

@@ -107,10 +107,9 @@ def replay_run(
     from_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns) if uses_snapshots else 0
     snapshot, note = find_snapshot_before(past, from_tick) if from_tick else (None, "")
     until_tick = _find_last_tick(past, until_s)
-    environment_dir = find_environment(past, report)
     plan = RunPlan(
         scenario=scenario,
-        environment_dir=environment_dir,
+        environment_dir=find_environment(past, report),
         runs_dir=runs_dir,
         directory=past.directory,
         processes="one",
@@ -120,7 +119,11 @@ def replay_run(
     )
     with OpenRun(plan, report) as run:
         run.outcome = _execute(past, run.prepare(), until_tick, run.report)
-    divergence, n_ticks = _compare(past, scenario, run.outcome)
+    divergence, n_ticks, now = None, 0, run.outcome.digest
+    if past.digest is not None and now is not None:
+        last_tick = now.final_tick if run.outcome.is_cut else past.digest.final_tick
+        scenarios, n_ticks = (past.scenario, scenario), last_tick + 1
+        divergence = find_repeated_divergence(past.digest, now, last_tick=last_tick, scenarios=scenarios)
     return ReplayResult(flight=run.result, divergence=divergence, n_ticks=n_ticks, snapshot=snapshot, note=note)
 
 
@@ -161,13 +164,3 @@ def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Cal
         agents[agent.name].is_ready = True
     with Interruption() as interruption:
         return InProcessRun(setup, agents, report, until_tick=until_tick).fly(interruption.is_set)
-
-
-def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Divergence | None, int]:
-    if past.digest is None or outcome.digest is None:
-        return None, 0
-    final_tick = outcome.digest.final_tick if outcome.is_cut else past.digest.final_tick
-    scenarios = (past.scenario, scenario)
-    return find_repeated_divergence(
-        past.digest, outcome.digest, last_tick=final_tick, scenarios=scenarios
-    ), final_tick + 1

@@ -39,7 +39,7 @@ def test_the_world_waits_for_a_command_only_where_it_asked():
             gate.deliver(COMMAND, Command(tick=1, kind="noop"))
         took, inbox = gate.take()
         assert (took, COMMAND in inbox) == (tick, tick == 2)
-        gate.wrote(keys.BODIES, poses(tick, awaiting=awaiting))
+        gate.note(keys.BODIES, poses(tick, awaiting=awaiting))
 
 
 def test_a_closed_port_is_waited_for_no_more():
@@ -70,7 +70,7 @@ def test_a_writer_stops_at_the_end_of_its_credit():
     for tick in range(10 + WINDOW_TICKS + 1):
         assert gate.can_step()
         gate.take()
-        gate.wrote(keys.BODIES, poses(tick))
+        gate.note(keys.BODIES, poses(tick))
     assert gate.lacking_credit() == ["fields"]
     gate.grant("fields", 11)
     assert gate.can_step()

@@ -96,7 +96,7 @@ def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
         os.kill(server.pid, signal.SIGSTOP)
         children.adopt("fields", fork(server, "fields", log=tmp_path / "fields.log"))
     assert not exists(server.pid)
-    assert children.running == []
+    assert not children.pids
 
 
 def children_of(pid):
