@@ -281,7 +281,7 @@ class Stepper:
     def look(self) -> ParticipantStatus:
         """Return one moment of the participant, with the usage of this process; may be called on any thread."""
         gate, began_ns = self.gate, self._step_began_ns
-        name, in_step = self.spec.name, began_ns is not None
+        name, in_step, writer_of = self.spec.name, began_ns is not None, self.dataflow.writer_of
         can_wait = not in_step and not gate.is_finished
         missing = gate.missing() if can_wait else []
         lacking_credit = gate.lacking_credit() if can_wait else []
@@ -290,13 +290,8 @@ class Stepper:
             state="done" if gate.is_finished and not in_step else "waiting" if missing or lacking_credit else "working",
             tick=gate.next_tick - (2 if in_step else 1),
             missing=tuple(
-                MissingMessage(
-                    port=port,
-                    tick=tick,
-                    writer=self.dataflow.writer_of[port],
-                    last_tick=gate.last_tick(port),
-                )
-                for port, tick in ((each.port, each.tick) for each in missing)
+                MissingMessage(**vars(each), writer=writer_of[each.port], last_tick=gate.last_tick(each.port))
+                for each in missing
             ),
             lacking_credit=tuple(lacking_credit),
             occupied_s=None if began_ns is None else (time.perf_counter_ns() - began_ns) / NS_PER_S,

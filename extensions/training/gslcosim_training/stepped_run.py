@@ -11,7 +11,6 @@ import numpy as np
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import AgentScore, BodyPoses, Message, Observation, Score
 from gslcosim.environment.positions import draw_positions
-from gslcosim.runtime.agents.session import SteppedTransport as SteppedTransport
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario

@@ -14,7 +14,7 @@ from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation, Verdict
 from gslcosim.contract.participant import get_agent_participant
-from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator, collect_faults
+from gslcosim.runtime.agents.validator import AgentFault, CommandValidator, build_validator
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.network import describe_absence
 from gslcosim.runtime.participant_status import ParticipantStatus
@@ -227,24 +227,17 @@ class ThreadedTransport(AgentTransport):
 
 
 class SteppedTransport(AgentTransport):
-    """Transport to an agent that the caller of a stepped run commands; it keeps briefing, observation and questions."""
+    """Transport to an agent that the caller of a stepped run commands; it keeps the questions."""
 
     def __init__(self) -> None:
-        self.briefing: Briefing | None = None
-        self.seen: Observation | None = None
         # With a latency several observations may await their commands, the oldest first.
         self.questions: deque[Observation] = deque()
 
-    def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Keep the briefing; see `AgentTransport`."""
-        del payload
-        self.briefing = briefing
-
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Keep the observation; see `AgentTransport`."""
-        self.seen = observation if isinstance(observation, Observation) else codec.decode(Observation, payload)
-        if self.seen.awaiting_command:
-            self.questions.append(self.seen)
+        """Keep a question; see `AgentTransport`."""
+        if observation.awaiting_command:
+            is_whole = isinstance(observation, Observation)
+            self.questions.append(observation if is_whole else codec.decode(Observation, payload))
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Ask no more; see `AgentTransport`."""
@@ -427,7 +420,8 @@ class AgentSessions(dict[str, AgentSession]):
     @property
     def faults(self) -> list[AgentFault]:
         """Faults of all agents, by tick."""
-        return collect_faults(session.validator for session in self.values())
+        found = (fault for session in self.values() for fault in session.validator.faults)
+        return sorted(found, key=lambda fault: fault.tick)
 
     @property
     def trails(self) -> dict[str, HashChain]:

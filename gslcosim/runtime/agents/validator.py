@@ -259,11 +259,6 @@ def _describe_unreadable(said: UnpackedAnswer) -> str:
     return "expected no command now (no observation awaits one), one came."
 
 
-def collect_faults(validators: Iterable[CommandValidator]) -> list[AgentFault]:
-    """Return all recorded faults, by tick."""
-    return sorted((fault for validator in validators for fault in validator.faults), key=lambda fault: fault.tick)
-
-
 _MAX_RADIO_TEXTS = 16
 
 

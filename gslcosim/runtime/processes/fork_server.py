@@ -105,33 +105,6 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
         os._exit(code)
 
 
-class ForkMonitor:
-    """Monitor of a socket and of the ends of forks, for the one thread of a forking process."""
-
-    def __init__(self, source: socket.socket) -> None:
-        self._source = source
-        self._woken, waker = os.pipe()
-        self.descriptors = (source.fileno(), self._woken, waker)
-        os.set_blocking(waker, False)
-        signal.set_wakeup_fd(waker, warn_on_full_buffer=False)
-        # With a handler of its own the signal writes to the descriptor; by default it would be discarded.
-        signal.signal(signal.SIGCHLD, lambda number, frame: None)
-
-    def wait(self) -> bool:
-        """Wait for a signal or a readable socket; return whether the socket is readable."""
-        readable, _, _ = select.select([self._source, self._woken], [], [])
-        if self._woken in readable:
-            os.read(self._woken, _READ_BYTES)
-        return self._source in readable
-
-    @staticmethod
-    def reap() -> Iterator[tuple[int, int]]:
-        """Yield the number and the exit code of each fork that has ended."""
-        with contextlib.suppress(ChildProcessError):
-            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-                yield ended[0], os.waitstatus_to_exitcode(ended[1])
-
-
 class ForkedProcess:
     """A process of the fork server, which the supervisor uses like a child of its own."""
 
@@ -159,18 +132,6 @@ class ForkedProcess:
         self._has_ended.set()
 
 
-def _start_server(theirs: socket.socket, log: IO[bytes]) -> "subprocess.Popen[bytes]":
-    inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
-    number = os.dup(theirs.fileno())
-    return spawn(
-        FORK_SERVER,
-        build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
-        environment={**inherited, **SINGLE_THREAD_VARIABLES},
-        streams=Streams(stdout=log.fileno()),
-        inherited=[number],
-    )
-
-
 class ForkServer:
     """Running fork server; leaving the context ends it and all that it has forked.
 
@@ -188,8 +149,16 @@ class ForkServer:
         self._forked: dict[str, ForkedProcess] = {}
         self._is_gone = self._is_closing = self._was_asked = False
         self._code: int | None = None
+        inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
         with theirs:
-            self._process = _start_server(theirs, self._log)
+            number = os.dup(theirs.fileno())
+            self._process = spawn(
+                FORK_SERVER,
+                build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
+                environment={**inherited, **SINGLE_THREAD_VARIABLES},
+                streams=Streams(stdout=self._log.fileno()),
+                inherited=[number],
+            )
         self.pid = self._process.pid
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -337,8 +306,12 @@ class _Server:
         # The supervisor handles Ctrl-C.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._work = work
-        self._lines = JsonLines(requests)
-        self._monitor = ForkMonitor(requests)
+        self._requests, self._lines = requests, JsonLines(requests)
+        self._woken, self._waker = os.pipe()
+        os.set_blocking(self._waker, False)
+        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
+        # With a handler of its own the signal writes to the descriptor; by default it would be discarded.
+        signal.signal(signal.SIGCHLD, lambda number, frame: None)
         self._names: dict[int, str] = {}
         # Forks that wait for their request, with the sockets over which it comes.
         self._preforked: dict[str, tuple[int, socket.socket]] = {}
@@ -354,10 +327,15 @@ class _Server:
     def serve(self) -> None:
         is_open = True
         while is_open:
-            if self._monitor.wait():
+            readable, _, _ = select.select([self._requests, self._woken], [], [])
+            if self._woken in readable:
+                os.read(self._woken, _READ_BYTES)
+            if self._requests in readable:
                 is_open = self._take_requests()
-            for pid, code in self._monitor.reap():
-                self._send({"name": self._names.pop(pid, ""), "code": code})
+            with contextlib.suppress(ChildProcessError):
+                while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                    code = os.waitstatus_to_exitcode(ended[1])
+                    self._send({"name": self._names.pop(ended[0], ""), "code": code})
         self._dismiss_preforked()
         for pid in self._names:
             # A process that has just begun leads no group yet.
@@ -406,7 +384,8 @@ class _Server:
 
     @property
     def _open_descriptors(self) -> list[int]:
-        return [*self._monitor.descriptors, *(connection.fileno() for _, connection in self._preforked.values())]
+        waiting = (connection.fileno() for _, connection in self._preforked.values())
+        return [self._requests.fileno(), self._woken, self._waker, *waiting]
 
     def _dismiss_preforked(self) -> None:
         for pid, connection in self._preforked.values():
