@@ -375,6 +375,13 @@ class Listener:
             raise SimulationFault(f"gateway: expected to listen on {path}, could not: {error}") from error
         return cls(listening, f"unix:{path}")
 
+    @classmethod
+    def open_at(cls, door: str, socket_path: Path) -> Self | None:
+        """Listen at a program's door, a unix socket or TCP; None for a program with pipes."""
+        if door == "stdio":
+            return None
+        return cls.open_unix(socket_path) if door == "unix" else cls.open_tcp()
+
     def admit(
         self,
         frame_format: FrameFormat,

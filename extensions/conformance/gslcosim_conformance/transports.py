@@ -19,9 +19,10 @@ from gslcosim.bus.interface import AGENT_VARIABLE, JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, generate_password
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Ending, Message, Observation
-from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
+from gslcosim.gateway.connections import EventKind, Listener, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import FrameFormat
 from gslcosim.methods.card import Needs, find_card_beside
+from gslcosim.runtime.agents.loader import resolve_command
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentJoined,
@@ -31,7 +32,7 @@ from gslcosim.runtime.agents.session import (
     CommandRefused,
     ObservationOrHead,
 )
-from gslcosim.runtime.processes.child_processes import ChildProcesses, build_gateway_variables
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim_conformance.audit_router import AuditRouter
 from gslcosim_conformance.scripted_world import AGENT, OTHER_AGENT
 
@@ -228,12 +229,12 @@ class CheckTransport(AgentTransport, Protocol):
         ...
 
     def unsubscribed_keys(self) -> tuple[str, ...]:
-        """Return which of its own keys the agent did not listen to when it joined."""
-        ...
+        """Return which of its own keys the agent did not listen to when it joined; none where there are no keys."""
+        return ()
 
     def foreign_subscriptions(self) -> tuple[str, ...]:
-        """Return which keys of others the agent listens to."""
-        ...
+        """Return which keys of others the agent listens to; none where there is nothing to overhear."""
+        return ()
 
     def cut(self) -> None:
         """End the link without a word."""
@@ -278,23 +279,17 @@ class CheckedProcess:
             on_refusal: Gets what is wrong with each other connection.
         """
         self.orphans.begin()
-        variables = {**variables, **self.orphans.variables}
-        log, cwd = self.log, self.connection.directory
-        if self.connection.transport == "stdio":
-            pipes = self.children.start_piped(name, self.command(), variables=variables, log=log, cwd=cwd)
-            on_stream(PipeStream(*pipes))
-            return
-        is_unix = self.connection.transport == "unix"
-        listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
-        listener.admit(self.connection.format, lambda stream, _: on_stream(stream), on_refusal)
-        variables |= build_gateway_variables(listener)
-        self.children.start(name, self.command(), variables=variables, log=log, cwd=cwd)
+        connection, variables = self.connection, {**variables, **self.orphans.variables}
+        listener = self._listener = Listener.open_at(connection.transport, self.folder / "gateway.sock")
+        if listener is not None:
+            listener.admit(connection.format, lambda stream, _: on_stream(stream), on_refusal)
+        self.children.start_behind_gateway(
+            name, self.command(), listener, on_stream, variables=variables, log=self.log, cwd=connection.directory
+        )
 
     def command(self) -> list[str]:
         """Return the command line, its program looked for in the folder of the check."""
-        program, *arguments = self.connection.command
-        beside = self.connection.directory / program
-        return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]
+        return resolve_command(self.connection.command, self.connection.directory)
 
     def end_process(self) -> str:
         """End the process with all that it leaves behind; return the end of its log."""
@@ -309,7 +304,7 @@ class CheckedProcess:
         ]
 
 
-class ZenohCheckTransport(CheckedProcess):
+class ZenohCheckTransport(CheckedProcess, CheckTransport):
     """An agent over Zenoh, with a router of its own that lets it do what it wants and sees it."""
 
     is_lossy = True
@@ -379,9 +374,6 @@ class ZenohCheckTransport(CheckedProcess):
         """Return which keys of others the agent listens to; see `CheckTransport`."""
         return tuple(key for key in _FORBIDDEN_KEYS if self._opened().is_read(_to_absolute_key(key)))
 
-    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: Zenoh has its own flow control; see `AgentTransport`."""
-
     def cut(self) -> None:
         """Close the router; see `CheckTransport`."""
         self._opened().close()
@@ -433,10 +425,8 @@ class ZenohCheckTransport(CheckedProcess):
         return self._opened().is_read(_to_absolute_key(key))
 
 
-class GatewayCheckTransport(CheckedProcess):
+class GatewayCheckTransport(CheckedProcess, CheckTransport):
     """An agent behind the gateway, over the very link that a run uses."""
-
-    is_lossy = False
 
     def __init__(self, connection: ConnectionSpec) -> None:
         super().__init__(connection)
@@ -465,14 +455,6 @@ class GatewayCheckTransport(CheckedProcess):
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run, and go on listening; see `AgentTransport`."""
         self._send(type(ending), payload)
-
-    def unsubscribed_keys(self) -> tuple[str, ...]:
-        """Return nothing: there are no keys; see `CheckTransport`."""
-        return ()
-
-    def foreign_subscriptions(self) -> tuple[str, ...]:
-        """Return nothing: there is nothing to overhear; see `CheckTransport`."""
-        return ()
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
         """Let the next command come; see `AgentTransport`."""

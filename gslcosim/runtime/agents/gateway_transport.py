@@ -10,7 +10,7 @@ from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.contract.participant import get_agent_participant
-from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
+from gslcosim.gateway.connections import EventKind, Listener, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import read_agent_name
 from gslcosim.runtime.agents.loader import build_start_command
 from gslcosim.runtime.agents.session import (
@@ -23,12 +23,7 @@ from gslcosim.runtime.agents.session import (
     ObservationOrHead,
 )
 from gslcosim.runtime.network import Network, describe_absence
-from gslcosim.runtime.processes.child_processes import (
-    EXIT_TIMEOUT_S,
-    ChildProcesses,
-    ProcessOptions,
-    build_gateway_variables,
-)
+from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.processes.stop_detection import StopMonitor, describe_stop
 from gslcosim.runtime.setup import RunSetup
@@ -226,27 +221,29 @@ class GatewayAgents:
         return next((each for each in self._processes() if get_agent_participant(each.spec.name) == process), None)
 
     def _start(self, process: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
-        spec, name = process.spec, process.spec.name
+        spec = process.spec
         listener = process.listener = self._listen(process, private_dir)
-        variables = {AGENT_VARIABLE: ",".join(process.agents)}
         if listener is not None:
             listener.admit(spec.start.format, lambda stream, _: self._open(process, stream), process.refuse)
-            variables |= build_gateway_variables(listener)
         command = build_start_command(spec, self._directory)
         if command is None:
             self._write_join_file(process)
             return
-        participant = get_agent_participant(name)
+        participant = get_agent_participant(spec.name)
         address = "" if listener is None else listener.address
         confinement = build_confinement(
             spec, command, self._setup, directory=self._directory, private_dir=private_dir, address=address
         )
-        options = ProcessOptions(variables=variables, cwd=self._directory, confinement=confinement)
-        log = self._setup.run_dir.log(participant)
-        if listener is None:
-            self._open(process, PipeStream(*children.start_piped(participant, command, log=log, **options)))
-        else:
-            children.start(participant, command, log=log, **options)
+        children.start_behind_gateway(
+            participant,
+            command,
+            listener,
+            lambda stream: self._open(process, stream),
+            log=self._setup.run_dir.log(participant),
+            variables={AGENT_VARIABLE: ",".join(process.agents)},
+            cwd=self._directory,
+            confinement=confinement,
+        )
 
     def _write_join_file(self, process: _AgentProcess) -> None:
         spec, listener = process.spec, process.listener
@@ -256,15 +253,12 @@ class GatewayAgents:
         self._network.write_join_file("agents", spec.name, {**fields, **agents}, self._setup.run_dir.path)
 
     def _listen(self, process: _AgentProcess, socket_dir: Path) -> Listener | None:
-        if process.spec.start.door == "stdio":
-            return None
-        if process.spec.start.door == "unix":
-            # Addresses of sockets are short, agents' names may be long.
-            return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(process.spec.name)}.sock")
-        if process.spec.start.attach and (endpoint := self._network.public_endpoint):
+        start = process.spec.start
+        if start.door == "tcp" and start.attach and (endpoint := self._network.public_endpoint):
             host = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")[0]
             return Listener.open_tcp("0.0.0.0", public_name=host)
-        return Listener.open_tcp()
+        # Addresses of sockets are short, agents' names may be long.
+        return Listener.open_at(start.door, socket_dir / f"{list(self._by_agent).index(process.spec.name)}.sock")
 
     def _open(self, process: _AgentProcess, stream: Stream) -> None:
         process.is_open = True

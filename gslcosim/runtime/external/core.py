@@ -35,7 +35,6 @@ from gslcosim.gateway.connections import (
     AnswerTimeoutError,
     BlockingConnection,
     Listener,
-    PipeStream,
     Stream,
     StreamEndedError,
 )
@@ -47,7 +46,7 @@ from gslcosim.runtime.external.protocol import (
     read_hello,
     read_outputs,
 )
-from gslcosim.runtime.processes.child_processes import ChildProcesses, ProcessOptions, build_gateway_variables
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
@@ -126,7 +125,12 @@ class ParticipantProgram:
         self._stack.enter_context(self._children)
         own = self._own
         command = [*resolve_command(own.start.words, self._directory), *self._arguments]
-        listener = self._listener(private_dir)
+        listener = Listener.open_at(own.start.door, private_dir / "door.sock")
+        connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
+        refused: list[str] = []
+        if listener is not None:
+            self._stack.callback(listener.close)
+            listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
         address = "" if listener is None else listener.address
         confinement = build_confinement(
             own, command, self._setup, directory=self._directory, private_dir=private_dir, address=address
@@ -136,18 +140,18 @@ class ParticipantProgram:
         if start is not None and start.unpacks_files and confinement.policy is None:
             # Files that it unpacks there, and leaves when it is killed, are removed with the folder.
             variables["TMPDIR"] = str(private_dir)
-        options = ProcessOptions(variables=variables, cwd=self._directory, confinement=confinement, keep=self._keep)
-        log = self._setup.run_dir.log(self._process)
-        if listener is None:
-            stream: Stream = PipeStream(*self._children.start_piped(self._process, command, log=log, **options))
-        else:
-            connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
-            refused: list[str] = []
-            listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
-            options["variables"] = variables | build_gateway_variables(listener)
-            self._children.start(self._process, command, log=log, **options)
-            stream = self._awaited(connected, refused)
-        self._exchange = BlockingConnection(stream, own.start.format)
+        self._children.start_behind_gateway(
+            self._process,
+            command,
+            listener,
+            connected.put,
+            log=self._setup.run_dir.log(self._process),
+            variables=variables,
+            cwd=self._directory,
+            confinement=confinement,
+            keep=self._keep,
+        )
+        self._exchange = BlockingConnection(self._awaited(connected, refused), own.start.format)
 
     def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type."""
@@ -223,14 +227,6 @@ class ParticipantProgram:
     def _exited(self, _name: str, _code: int, how: str) -> None:
         self._how = how
         self._has_exited.set()
-
-    def _listener(self, private_dir: Path) -> Listener | None:
-        if self._own.start.door == "stdio":
-            return None
-        is_unix = self._own.start.door == "unix"
-        listener = Listener.open_unix(private_dir / "door.sock") if is_unix else Listener.open_tcp()
-        self._stack.callback(listener.close)
-        return listener
 
     def _awaited(self, connected: "queue.SimpleQueue[Stream]", refused: list[str]) -> Stream:
         deadline_s = time.monotonic() + HELLO_TIMEOUT_S

@@ -14,7 +14,7 @@ from typing import TypedDict, Unpack, cast
 from gslcosim.base.processes import describe_exit
 from gslcosim.base.spawn import Streams, build_short_environment, check_program, signal_group, spawn
 from gslcosim.bus.interface import GATEWAY_VARIABLE, JOIN_VARIABLES, TOKEN_VARIABLE, JoinData
-from gslcosim.gateway.connections import Listener
+from gslcosim.gateway.connections import Listener, PipeStream, Stream
 from gslcosim.runtime.processes.fork_server import ForkedProcess
 from gslcosim.runtime.processes.process_log import ProcessLog
 from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, Launch, is_launcher_possible
@@ -27,11 +27,6 @@ LOG_TIMEOUT_S = 0.5
 
 # It leads its own process group, so that its descendants end with it.
 ChildProcess = subprocess.Popen[bytes] | ForkedProcess
-
-
-def build_gateway_variables(listener: Listener) -> dict[str, str]:
-    """Return the environment variables by which a process finds a listener of the gateway."""
-    return {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
 
 
 class ProcessOptions(TypedDict, total=False):
@@ -80,14 +75,27 @@ class ChildProcesses:
         with self._log(name, log) as output:
             self._start(name, command, Streams(stdout=output.fileno()), **options)
 
-    def start_piped(
-        self, name: str, command: Sequence[str], *, log: Path, **options: Unpack[ProcessOptions]
-    ) -> tuple[FileIO, FileIO]:
-        """Start a process as `start`, but return its standard input and output; only its errors are logged."""
+    def start_behind_gateway(
+        self,
+        name: str,
+        command: Sequence[str],
+        listener: Listener | None,
+        on_stream: Callable[[Stream], object],
+        *,
+        log: Path,
+        **options: Unpack[ProcessOptions],
+    ) -> None:
+        """Start a process that finds a listener of the gateway in its environment, or without one has pipes."""
+        if listener is not None:
+            gateway = {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
+            options["variables"] = {**options.get("variables", {}), **gateway}
+            self.start(name, command, log=log, **options)
+            return
+        # Only its errors are logged.
         with self._log(name, log) as errors:
             process = self._start(name, command, Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno()), **options)
         # Without buffers these are raw files.
-        return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
+        on_stream(PipeStream(cast(FileIO, process.stdin), cast(FileIO, process.stdout)))
 
     def _start(
         self, name: str, command: Sequence[str], streams: Streams, **options: Unpack[ProcessOptions]
