@@ -109,7 +109,7 @@ class InProcessRun(LoopHost, StepListener):
             self._sessions,
             verdict=self._verdict,
             reached_tick=self._tick,
-            timing={stepper.spec.name: stepper.timing.as_fields() for stepper in steppers},
+            timing={stepper.spec.name: vars(stepper.timing) for stepper in steppers},
             summaries=map(self._loop.summarize, steppers),
         )
         if outcome.fault is None and self._loop.is_finished:

@@ -10,7 +10,7 @@ import re
 import secrets
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -429,32 +429,36 @@ class RunDir:
     def log_command(self, agent: str, command: Command) -> None:
         """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text."""
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
-        try:
-            append_bytes(self.path, INPUTS_FILE, (json.dumps(line, default=codec.encode_base64) + "\n").encode())
-        except OSError as error:
-            raise self._cannot_write(INPUTS_FILE, error) from error
+        self.append(INPUTS_FILE, (json.dumps(line, default=codec.encode_base64) + "\n").encode())
 
-    def replace(self, name: str, text: str) -> None:
+    def replace(self, name: str, content: str | bytes) -> None:
         """Write a file of the run at once, never half."""
+        with self._writing(name):
+            replace_file(self.path, name, content.encode() if isinstance(content, str) else content)
+
+    def append(self, name: str, data: bytes) -> None:
+        """Add to a file of the run."""
+        with self._writing(name):
+            append_bytes(self.path, name, data)
+
+    # Makes the folders in which a file belongs, but not the run's own.
+    @contextlib.contextmanager
+    def _writing(self, name: str) -> Generator[None]:
         try:
-            replace_file(self.path, name, text.encode())
+            folder = self.path
+            for part in name.split("/")[:-1]:
+                folder /= part
+                folder.mkdir(exist_ok=True)
+            yield
         except OSError as error:
-            raise self._cannot_write(name, error) from error
-
-    def make_folders(self, name: str) -> None:
-        """Make the folders in which a file of the run belongs, but not the run's own."""
-        folder = self.path
-        for part in name.split("/")[:-1]:
-            folder /= part
-            folder.mkdir(exist_ok=True)
-
-    def _cannot_write(self, name: str, error: OSError) -> RunFolderError:
-        if not self.path.is_dir():
-            return RunFolderError(
-                f"{name}: expected the run's folder, was gone. Something has taken it away while the run flew, an "
-                f"agent or another program; fly again without it.\nFile: {self.path}"
-            )
-        return RunFolderError(format_machine_error(error, name, "a file that can be written", path=self.path / name))
+            if self.path.is_dir():
+                text = format_machine_error(error, name, "a file that can be written", path=self.path / name)
+            else:
+                text = (
+                    f"{name}: expected the run's folder, was gone. Something has taken it away while the run flew, an "
+                    f"agent or another program; fly again without it.\nFile: {self.path}"
+                )
+            raise RunFolderError(text) from error
 
     def _reserve(self) -> None:
         if not hasattr(os, "posix_fallocate"):

@@ -218,10 +218,6 @@ class Timing:
     n_steps: int = 0
     n_resends: int = 0
 
-    def as_fields(self) -> dict[str, int]:
-        """Return the figures as a message can carry them."""
-        return dict(vars(self))
-
 
 @dataclass
 class Stepper:
@@ -308,7 +304,9 @@ class Stepper:
         self.gate.note(port, message)
         sent = SentMessage(port, message, payload)
         if self._state_adapter is not None:
-            self._remember(sent)
+            self.recent.append(sent)
+            while self.recent[0].message.tick < message.tick - self._longest_delay - self._longest_window:
+                self.recent.popleft()
         return sent
 
     def part(self) -> SnapshotPart:
@@ -353,12 +351,6 @@ class Stepper:
         except SnapshotError as error:
             remedy = "Leave out snapshots, or let its core tell its state itself (docs/snapshots.md)."
             raise SnapshotError(f"{self.spec.name}{error} {remedy}") from error
-
-    def _remember(self, sent: SentMessage) -> None:
-        recent = self.recent
-        recent.append(sent)
-        while recent[0].message.tick < sent.message.tick - self._longest_delay - self._longest_window:
-            recent.popleft()
 
     def _due(self, tick: int, inbox: Inbox, outbox: Outbox) -> Set[str]:
         if self._due_always is not None:

@@ -137,18 +137,16 @@ class AgentHost:
     def observe(self, payload: bytes) -> None:
         """Take an observation, in any order; ask for one that seems to be lost."""
         head = codec.decode_observation_head(payload)
+        # The agent gets the bytes as they are, so only the head is decoded.
         for next_head, message in self._in_order.take(head.tick, (head, payload)):
-            self._observe(next_head, message)
+            self.session.observe(next_head, message)
+            if next_head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
+                self._reported_tick = next_head.tick
+                report = protocol.TickReport(tick=next_head.tick)
+                self._bus.publish(protocol.build_progress_key(self._name), report.to_bytes())
         if (tick := self._in_order.lost()) is not None:
             question = protocol.ResendRequest(port=keys.observation(self.session.agent), tick=tick).to_bytes()
             self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
-
-    # The agent gets the bytes as they are, so only the head is decoded.
-    def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
-        self.session.observe(head, payload)
-        if head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
-            self._reported_tick = head.tick
-            self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
 
     def _publish(self, sent: SentMessage) -> None:
         self._kept.keep(sent)

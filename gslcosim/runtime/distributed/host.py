@@ -63,26 +63,17 @@ class ParticipantLink:
         self._summarize = summarize
         self.stepper = stepper
         self.gate = stepper.gate
-        self.name = self.stepper.spec.name
-        reads = self.stepper.spec.reads
-        self.outer_ports_read = {read.port for read in reads if dataflow.writer_of[read.port] not in neighbours}
-        self._neighbours_read = {reader.name for reader in dataflow.readers_of[self.name] if reader.name in neighbours}
-        self.outer_readers = {reader.name for reader in dataflow.readers_of[self.name]} - self._neighbours_read
-        self._bundle_key = protocol.build_bundle_key(self.name, self.outer_readers)
-        self._ports_that_leave = {
-            write.port
-            for write in self.stepper.spec.writes
-            # Agents and the supervisor read these, wherever else they are read.
-            if protocol.is_read_by_agents(write.port)
-            or write.port == keys.VERDICT
-            or any(
-                read.port == write.port
-                for reader in dataflow.readers_of[self.name]
-                if reader.name in self.outer_readers
-                for read in reader.reads
-            )
-        }
+        spec, self.name = stepper.spec, stepper.spec.name
+        self.outer_ports_read = {read.port for read in spec.reads if dataflow.writer_of[read.port] not in neighbours}
         readers = dataflow.readers_of[self.name]
+        outer_readers = [reader for reader in readers if reader.name not in neighbours]
+        self.outer_readers = {reader.name for reader in outer_readers}
+        self._bundle_key = protocol.build_bundle_key(self.name, self.outer_readers)
+        # Agents and the supervisor read theirs from every process.
+        read_outside = {keys.VERDICT, *(read.port for reader in outer_readers for read in reader.reads)}
+        self._ports_that_leave = {
+            write.port for write in spec.writes if protocol.is_read_by_agents(write.port) or write.port in read_outside
+        }
         # A reader that misses a message is at most a window behind, and requests it before its writer is another ahead.
         self.kept = RetransmitBuffer(
             extra_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])
@@ -186,7 +177,7 @@ class ParticipantLink:
             name=self.name,
             last_tick=self.last_tick,
             trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
-            timing=self.stepper.timing.as_fields(),
+            timing=vars(self.stepper.timing),
             summary=self._summarize(),
         )
         self._bus.publish(protocol.build_final_report_key(self.name), report.to_bytes(), urgent=True)

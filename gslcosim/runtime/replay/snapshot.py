@@ -19,9 +19,9 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files, list_registered_files
-from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
+from gslcosim.base.errors import SnapshotError
 from gslcosim.base.extension_packages import find_extension_packages
-from gslcosim.base.files import append_bytes, open_regular_file, read_regular_file, replace_file
+from gslcosim.base.files import open_regular_file, read_regular_file
 from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
 from gslcosim.contract.length_prefix import prefix_length, read_frame
@@ -191,11 +191,7 @@ class ObservationLog:
         piece = zlib.compress(b"".join(prefix_length(payload) for payload in self._waiting), 1)
         self._waiting.clear()
         self._n_bytes = 0
-        try:
-            self._run_dir.make_folders(self._name)
-            append_bytes(self._run_dir.path, self._name, prefix_length(piece))
-        except OSError as error:
-            raise RunFolderError(str(build_machine_error(error, self._name, "a file that can be written"))) from error
+        self._run_dir.append(self._name, prefix_length(piece))
 
 
 def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
@@ -249,12 +245,7 @@ class Snapshot:
 
 def save_part(run_dir: RunDir, part: SnapshotPart) -> None:
     """Write a part of a snapshot at once."""
-    name = f"{SNAPSHOTS_FOLDER}/{part.name}"
-    try:
-        run_dir.make_folders(name)
-        replace_file(run_dir.path, name, part.to_bytes())
-    except OSError as error:
-        raise RunFolderError(str(build_machine_error(error, name, "a file that can be written"))) from error
+    run_dir.replace(f"{SNAPSHOTS_FOLDER}/{part.name}", part.to_bytes())
 
 
 def find_latest_parts(run_dir: RunDir, participants: Sequence[str]) -> list[SnapshotPart]:
