@@ -74,18 +74,16 @@ class InProcessRun(LoopHost, StepListener):
 
     def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
         """Fly until the verdict, a fault or an interruption."""
-        outcome = RunOutcome()
-        for _ in self.iter_pauses(outcome, is_interrupted):
+        for _ in self.iter_pauses(is_interrupted):
             pass
-        return outcome
+        return self.outcome
 
-    def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
+    def iter_pauses(self, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
-        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause. The
-        outcome receives the results at the end.
+        It pauses before the tick `pause_before_tick` too. A caller that commands an agent answers in the pause.
         """
-        began_s = time.perf_counter()
+        outcome, began_s = self.outcome, time.perf_counter()
         try:
             self.await_all_ready(is_interrupted)
             self._loop.start(self._setup.episode)
@@ -102,8 +100,7 @@ class InProcessRun(LoopHost, StepListener):
                 self._verdict = None
         outcome.is_cut = self._verdict is None and outcome.fault is None and self._loop.is_finished
         outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
-        self._close(outcome)
-        outcome.flight_wall_s = self.wall_s
+        self._close()
         steppers = self._loop.steppers
         outcome.collect(
             self._sessions,
@@ -198,14 +195,14 @@ class InProcessRun(LoopHost, StepListener):
             self._watch(sent.port, sent.message)
         self._loop.deliver(sent.port, sent.message)
 
-    def _close(self, outcome: RunOutcome) -> None:
+    def _close(self) -> None:
         for stepper in self._loop.steppers:
             try:
                 self._loop.close(stepper)
             except Exception as error:  # the others must still be closed
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
-                outcome.fault = outcome.fault or fault
+                self.outcome.fault = self.outcome.fault or fault
         self._end_agents()
 
     def digest(self, final_tick: int) -> RunDigest:

@@ -13,6 +13,7 @@ from typing import Any
 from gslcosim.contract.messages import Verdict
 from gslcosim.runtime.agents.session import AgentSessions
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
+from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.participant_status import ParticipantStatus
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus, StatusReporter
@@ -26,9 +27,13 @@ class LoopHost(ABC):
     """Host of a run's loop, with the sessions of its agents.
 
     Events are put into the queue of the sessions by many threads, and handled on the one that runs the loop.
+
+    Attributes:
+        outcome: That of the run, complete at its end.
     """
 
     def __init__(self, setup: RunSetup, sessions: AgentSessions, report: Callable[[RunStatus], None]) -> None:
+        self.outcome = RunOutcome()
         self._setup = setup
         self._sessions = sessions
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
@@ -114,4 +119,5 @@ class LoopHost(ABC):
 
     def _end_agents(self) -> None:
         self._ended_at_s = time.perf_counter()
+        self.outcome.flight_wall_s = self.wall_s
         self._sessions.end(self._verdict)

@@ -392,7 +392,6 @@ class Simulation:
         if any(agent.is_free for agent in loaded.scenario.agents):
             raise UsageError("agents[].mode: expected modes that wait for the agent, was free. Take on_request.")
         self._loaded = loaded
-        self.outcome = RunOutcome()
         self._is_over = self._is_closed = False
         self._latest: dict[type[Message], Message] = {}
         self._observations: dict[str, Observation] = {}
@@ -411,7 +410,8 @@ class Simulation:
                 session.answer_within_s = float("inf")
                 session.journal = lambda _: None
             self._run = InProcessRun(setup, self._agents, lambda _: None, self.on_message)
-            self._pauses: Iterator[None] = self._run.iter_pauses(self.outcome, lambda: self._is_closed)
+            self.outcome: RunOutcome = self._run.outcome
+            self._pauses: Iterator[None] = self._run.iter_pauses(lambda: self._is_closed)
             self._stack = stack.pop_all()
         try:
             self.advance(0)

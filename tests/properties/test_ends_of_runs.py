@@ -150,7 +150,6 @@ class Ends:
         groups = group_services("separate", self.services)
         gateway = GatewayAgents(self.setup, self.directory, Network(), members.put)
         restarts = RestartPolicy(self.scenario, groups, lambda group, how: None)
-        outcome = RunOutcome()
         with pytest.MonkeyPatch.context() as patch:
             clocks = SimpleNamespace(monotonic=clock.monotonic, perf_counter=clock.perf_counter)
             for module in (loop_host, supervisor):
@@ -158,6 +157,7 @@ class Ends:
             patch.setattr(watchdog, "STALL_TIMEOUT_S", LIMIT_S)
             patch.setattr(watchdog, "FINISH_TIMEOUT_S", LIMIT_S)
             watched = Supervisor(self.setup, InMemoryBus(hub), gateway, members, lambda status: None, groups, restarts)
+            outcome = watched.outcome
             for agent in self.agents:
                 members.put(AgentJoined(agent=agent))
             try:
@@ -166,7 +166,7 @@ class Ends:
                 outcome.fault = ended.fault
             outcome.is_interrupted = members.is_interrupted and outcome.fault is None
             watched.shut_down()
-            watched.complete(outcome)
+            watched.complete()
         self.took_s = clock.now_s - 1000.0
         return outcome
 

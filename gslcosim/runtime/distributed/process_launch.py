@@ -125,7 +125,6 @@ def run_distributed(
 ) -> RunOutcome:
     """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards."""
     keep_memory_private()
-    outcome = RunOutcome()
     began = time.perf_counter()
     events: queue.SimpleQueue[SupervisorEvent] = queue.SimpleQueue()
     gateway = GatewayAgents(setup, directory, network, events.put)
@@ -161,6 +160,7 @@ def run_distributed(
         launcher = _Launcher(setup, directory, network, router, children, fork_server)
         restarts = RestartPolicy(setup.scenario, groups, launcher.restart_services)
         supervisor = Supervisor(setup, bus, gateway, events, report, groups, restarts)
+        outcome = supervisor.outcome
         expected = [group[0] for group in groups if network.is_remote(group[0])]
         offering = RunServer(setup, expected) if expected else None
         try:
@@ -189,7 +189,7 @@ def run_distributed(
         children.wait(EXIT_TIMEOUT_S if supervisor.has_begun else 0.0)
         if offering is not None:
             offering.wait_until_gone(EXIT_TIMEOUT_S)
-        supervisor.complete(outcome)
+        supervisor.complete()
     return outcome
 
 

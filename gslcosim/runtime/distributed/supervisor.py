@@ -28,7 +28,7 @@ from gslcosim.runtime.distributed.protocol import (
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.loop_host import LoopHost
 from gslcosim.runtime.network import describe_absence
-from gslcosim.runtime.outcome import RunOutcome, ServiceFault
+from gslcosim.runtime.outcome import ServiceFault
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
 from gslcosim.runtime.processes.stop_detection import describe_stop
@@ -158,10 +158,9 @@ class Supervisor(LoopHost):
         self._end_agents()
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
-    def complete(self, outcome: RunOutcome) -> None:
+    def complete(self) -> None:
         """Add verdict, faults, timing and digest to the outcome."""
-        outcome.flight_wall_s = self.wall_s
-        reports, verdict = self._watchdog.final_reports, self._verdict
+        outcome, reports, verdict = self.outcome, self._watchdog.final_reports, self._verdict
         ending = self._fault if self._watchdog.is_finished else None
         outcome.collect(
             self._sessions,
