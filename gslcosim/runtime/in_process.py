@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
 from gslcosim.base.processes import Interruption
-from gslcosim.contract import codec, keys
+from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
@@ -61,8 +61,6 @@ class InProcessRun(LoopHost, StepListener):
     ) -> None:
         super().__init__(setup, agents, report)
         self._watch = watch
-        self._observed_by = {keys.observation(name): session for name, session in agents.items()}
-        self._briefed_by = {keys.briefing(name): session for name, session in agents.items()}
         for session in agents.values():
             session.deliver = self._deliver_command
         self._dataflow, cores = build_all_cores(setup)
@@ -177,15 +175,15 @@ class InProcessRun(LoopHost, StepListener):
         """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
         del stepper
         for sent in outputs:
-            port, message = sent.port, sent.message
+            message = sent.message
             if self._watch is not None:
-                self._watch(port, message)
+                self._watch(sent.port, message)
             if isinstance(message, Observation):
-                self._observed_by[port].observe(message, sent.payload)
+                self._sessions[message.agent].observe(message, sent.payload)
                 # An object has answered by now.
                 self._handle_waiting()
             elif isinstance(message, Briefing):
-                self._briefed_by[port].brief(message, sent.payload)
+                self._sessions[message.agent].brief(message, sent.payload)
                 self._handle_waiting()
             elif isinstance(message, Verdict):
                 self._verdict = message

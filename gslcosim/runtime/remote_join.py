@@ -35,7 +35,6 @@ from gslcosim.runtime.remote_server import (
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core, build_dataflow, find_service
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import read_resolved
 
 
@@ -161,16 +160,6 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -
         raise UsageError(f"this host: {refusal} Install the same on both.")
 
 
-# Also where a model of the run's own has the name of one of our services.
-def _check_no_program(scenario: Scenario, names: Sequence[str]) -> None:
-    for own in scenario.participants:
-        if own.name in names:
-            raise UsageError(
-                f"participants.{own.name}: expected --trusted, because the run's host says which program is started "
-                f"here: {' '.join(own.start.words)}"
-            )
-
-
 def build_joined_setup(
     join: JoinData,
     offer: RunOffer,
@@ -191,8 +180,13 @@ def build_joined_setup(
         raise SimulationFault(
             f"the run's offer: expected a scenario as resolved, was another text.\n{error}"
         ) from error
-    if not is_trusted:
-        _check_no_program(scenario, names)
+    # Also where a model of the run's own has the name of one of our services.
+    for own in () if is_trusted else scenario.participants:
+        if own.name in names:
+            raise UsageError(
+                f"participants.{own.name}: expected --trusted, because the run's host says which program is started "
+                f"here: {' '.join(own.start.words)}"
+            )
     situations = find_variants(scenario)[1:]
     if len(situations) != len(offer.later_rooms):
         raise SimulationFault(

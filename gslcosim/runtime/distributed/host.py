@@ -128,7 +128,8 @@ class ParticipantLink:
             encoding, is_question = codec.get_encoding(type(sent.message)), sent.message.is_question
             self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
             if is_question:
-                self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
+                key = keys.question(sent.port.split("/")[1])
+                self._bus.publish(key, sent.payload, encoding=encoding, urgent=True)
         self._bundle.clear()
         self._bundled_from = self.gate.next_tick
 

@@ -9,7 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from typing_extensions import TypedDict
 
 from gslcosim.base.errors import ContractError
-from gslcosim.contract import keys
 from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.runtime.agents.session import AgentEvent
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantName, PortName, Tick
@@ -45,6 +44,9 @@ build_resend_key = "rpc/{}/resend".format
 build_description_key = "rpc/{}/describe".format
 build_finished_key = "rpc/{}/finished".format
 build_inspection_key = "rpc/{}/inspect".format
+# Bundles that others send to it, and those that it sends, to any reader.
+build_incoming_bundles_key = (BUNDLE_PREFIX + "*/$*.{}.$*").format
+build_outgoing_bundles_key = (BUNDLE_PREFIX + "{}/*").format
 
 
 def build_bundle_key(writer: str, readers: Iterable[str]) -> str:
@@ -55,24 +57,9 @@ def build_bundle_key(writer: str, readers: Iterable[str]) -> str:
     return f"{BUNDLE_PREFIX}{writer}/.{'.'.join(sorted(readers))}."
 
 
-def build_incoming_bundles_key(reader: str) -> str:
-    """Return the keys on which others send bundles to a participant."""
-    return f"{BUNDLE_PREFIX}*/$*.{reader}.$*"
-
-
-def build_outgoing_bundles_key(writer: str) -> str:
-    """Return the keys on which a participant sends bundles, to any reader."""
-    return f"{BUNDLE_PREFIX}{writer}/*"
-
-
 def is_read_by_agents(port: str) -> bool:
     """Return whether agents read a port: each message is then also sent on its own key, as the contract requires."""
     return port.startswith("agents/")
-
-
-def build_question_key(port: str) -> str:
-    """Return the key on which a question to the agent of this port is asked beside the port's own."""
-    return keys.question(port.split("/")[1])
 
 
 def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
@@ -109,16 +96,13 @@ class ControlMessage(BaseModel):
         try:
             return cls.model_validate(_msgpack.unpackb(payload))
         except ValidationError as error:
-            raise ContractError(f"{cls.__name__}: {_first_problem(error)}") from error
+            # In one sentence, with no more of the value than fits in it.
+            first = error.errors(include_url=False, include_context=False)[0]
+            place = ".".join(str(part)[:80] for part in first["loc"]) or "message"
+            text = f"expected something else ({first['msg'][:300]}), was {str(first['input'])[:80]!r}."
+            raise ContractError(f"{cls.__name__}: {place}: {text}") from error
         except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
             raise ContractError(f"{cls.__name__}: expected a control message, was {payload[:32]!r}.") from error
-
-
-# In one sentence, with no more of the value than fits in it.
-def _first_problem(error: ValidationError) -> str:
-    first = error.errors(include_url=False, include_context=False)[0]
-    place = ".".join(str(part)[:80] for part in first["loc"]) or "message"
-    return f"{place}: expected something else ({first['msg'][:300]}), was {str(first['input'])[:80]!r}."
 
 
 class TickReport(ControlMessage):
