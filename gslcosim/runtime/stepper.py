@@ -4,7 +4,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gslcosim.base.errors import ModelError, SnapshotError
@@ -48,7 +48,6 @@ class MissingInput:
     tick: int
 
 
-@dataclass
 class Gate:
     """Holder of a participant's inputs, which decides when its next step may happen.
 
@@ -59,28 +58,19 @@ class Gate:
     Duplicates and inputs of the past are ignored; messages may be delivered in any order.
     """
 
-    dataflow: Dataflow
-    name: str
-    next_tick: int = 0
-    final_tick: int | None = None
-    _held: dict[str, dict[int, Message]] = field(init=False, repr=False)
-    _announced: dict[str, dict[int, frozenset[str]]] = field(init=False, repr=False)
-    _closed: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
-    _credit: dict[str, int] = field(init=False, repr=False)
-    _credit_until: int = field(init=False, repr=False)
-    _last_ticks: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        spec = self.dataflow.by_name[self.name]
-        writes = self.dataflow.writes
-        self._reads = tuple((read.port, read.delay_ticks, writes[read.port]) for read in spec.reads)
-        self._delays = {read.port: read.delay_ticks for read in spec.reads}
-        self._held = {read.port: {} for read in spec.reads}
+    def __init__(self, dataflow: Dataflow, name: str) -> None:
+        self.next_tick = 0
+        self.final_tick: int | None = None
+        reads, writes = dataflow.by_name[name].reads, dataflow.writes
+        self._reads = tuple((read.port, read.delay_ticks, writes[read.port]) for read in reads)
+        self._delays = {read.port: read.delay_ticks for read in reads}
+        self._longest_delay = max((read.delay_ticks for read in reads), default=0)
+        self._held: dict[str, dict[int, Message]] = {read.port: {} for read in reads}
+        self._last_ticks: dict[str, int] = {}
         announcers = {write.announced_in for _, _, write in self._reads if write.announced_in not in (None, ONCE)}
-        self._announced = {port: {} for port in announcers if port}
-        self._longest_delay = max((read.delay_ticks for read in spec.reads), default=0)
-        readers = self.dataflow.readers_of[self.name]
-        self._windows = {reader.name: reader.window_ticks for reader in readers}
+        self._announced: dict[str, dict[int, frozenset[str]]] = {port: {} for port in announcers if port}
+        self._closed: dict[str, int] = {}
+        self._windows = {reader.name: reader.window_ticks for reader in dataflow.readers_of[name]}
         self._credit = dict.fromkeys(self._windows, -1)
         self._credit_until = self._last_tick_in_credit()
 
@@ -219,32 +209,25 @@ class Timing:
     n_resends: int = 0
 
 
-@dataclass
 class Stepper:
     """Stepper of one core, which checks that the core keeps its own declaration."""
 
-    core: Core
-    dataflow: Dataflow
-    is_kept: bool = False
-    trails: dict[str, HashChain] = field(init=False)
-    timing: Timing = field(default_factory=Timing)
-    gate: Gate = field(init=False)
-    _due_always: frozenset[str] | None = field(init=False, repr=False)
-    _state_adapter: SupportsSnapshots | None = field(init=False, repr=False)
-    recent: deque[SentMessage] = field(default_factory=deque[SentMessage], init=False, repr=False)
-    _step_began_ns: int | None = field(default=None, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self.spec: ParticipantSpec = self.core.spec
-        # A participant that writes nothing holds up no step of another.
-        self.is_kept = self.is_kept and bool(self.spec.writes)
-        self.gate = Gate(self.dataflow, self.spec.name)
+    def __init__(self, core: Core, dataflow: Dataflow, *, is_kept: bool = False) -> None:
+        self.core = core
+        self.dataflow = dataflow
+        self.spec: ParticipantSpec = core.spec
+        self.gate = Gate(dataflow, self.spec.name)
         self.trails = {write.port: HashChain() for write in self.spec.writes}
+        self.timing = Timing()
+        self._step_began_ns: int | None = None
         # The ports of a participant that writes all of them at every tick.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
-        self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
-        self._state_adapter = build_state_adapter(self.core) if self.is_kept else None
-        readers = self.dataflow.readers_of[self.spec.name]
+        self._due_always = frozenset(self.trails) if is_plain else None
+        # A participant that writes nothing holds up no step of another.
+        self.is_kept = is_kept and bool(self.spec.writes)
+        self._state_adapter = build_state_adapter(core) if self.is_kept else None
+        self.recent: deque[SentMessage] = deque()
+        readers = dataflow.readers_of[self.spec.name]
         reads = [read for reader in readers for read in reader.reads if read.port in self.trails]
         self._longest_delay = max((read.delay_ticks for read in reads), default=0)
         self._longest_window = max((reader.window_ticks for reader in readers), default=0)

@@ -112,10 +112,10 @@ class Supervisor(LoopHost):
         self._started_at_s = time.perf_counter()
         self._watchdog.moved(time.monotonic())
         if self._setup.snapshot is not None:
-            self._brief_agents()
             # Sensing, which otherwise sends agents on the bus their messages, resumes at the snapshot.
             for link in self._bus_links.values():
                 link.is_writer = True
+            self._brief_agents()
             self._replay_observations(is_interrupted)
             for link in self._bus_links.values():
                 link.is_writer = False
