@@ -92,7 +92,7 @@ class Network:
 
     def check_gateway(self, agent: str) -> None:
         """Refuse to let an agent attach from elsewhere by the gateway's TCP, which is never encrypted."""
-        if self.is_remotely_reachable and not self.is_insecure:
+        if not (self.is_insecure or all(map(is_local_endpoint, self.listen))):
             raise UsageError(
                 f"agents: {agent}: start: expected door: zenoh, or --insecure, with --listen beyond this machine: the "
                 "gateway's TCP is not encrypted."
@@ -116,11 +116,6 @@ class Network:
             )
         if self.elsewhere and is_one_process:
             raise UsageError("--elsewhere: expected --processes separate or grouped with it, was one.")
-
-    @property
-    def is_remotely_reachable(self) -> bool:
-        """True when other machines can reach the run."""
-        return any(not is_local_endpoint(endpoint) for endpoint in self.listen)
 
     @property
     def public_endpoint(self) -> str | None:

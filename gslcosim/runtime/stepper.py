@@ -25,7 +25,7 @@ from gslcosim.contract.participant import (
 from gslcosim.runtime.dataflow import ONCE, Dataflow
 from gslcosim.runtime.digest import HashChain
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus
-from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
+from gslcosim.runtime.processes.current_process import read_memory_bytes
 from gslcosim.runtime.replay.snapshot import (
     Snapshot,
     SnapshotPart,
@@ -276,7 +276,7 @@ class Stepper:
             occupied_s=None if began_ns is None else (time.perf_counter_ns() - began_ns) / NS_PER_S,
             queued_ticks=gate.n_queued_ticks,
             pid=os.getpid(),
-            cpu_s=read_cpu_s(),
+            cpu_s=time.process_time(),
             memory_bytes=read_memory_bytes(),
             n_resends=self.timing.n_resends,
         )
@@ -460,11 +460,6 @@ class SnapshotPolicy:
         """Further ticks for which messages are kept: a restarted service needs those since its snapshot."""
         return self.every_ticks or 0 if self.is_restarting else 0
 
-    @property
-    def keeps_state(self) -> bool:
-        """True when the states of cores are saved or restored."""
-        return self.every_ticks is not None or self.snapshot is not None
-
     def is_due(self, stepper: Stepper) -> bool:
         """Return whether a participant is to write its part of a snapshot before its next step."""
         tick, every = stepper.gate.next_tick, self.every_ticks
@@ -545,9 +540,8 @@ class StepLoop:
         self._policy = policy
         self._is_whole_run = is_whole_run
         self._turn = 0
-        self.steppers = tuple(
-            Stepper(core, dataflow, is_kept=policy is not None and policy.keeps_state) for core in cores
-        )
+        is_kept = policy is not None and (policy.every_ticks is not None or policy.snapshot is not None)
+        self.steppers = tuple(Stepper(core, dataflow, is_kept=is_kept) for core in cores)
         # Looked up once: every wait needs them, and the look-up takes longer than a step's bookkeeping.
         self._prefetchers = tuple(
             (stepper, stepper.core.prefetch) for stepper in self.steppers if isinstance(stepper.core, SupportsPrefetch)

@@ -3,7 +3,6 @@
 import contextlib
 import ctypes
 import sys
-import time
 from pathlib import Path
 
 _ARG_START, _ARG_END = 48, 49
@@ -41,11 +40,6 @@ def keep_memory_private() -> None:
 
 _KIB = 1024
 _ROLLUP = Path("/proc/self/smaps_rollup")
-
-
-def read_cpu_s() -> float:
-    """Return the CPU time of all threads of this process so far [s]."""
-    return time.process_time()
 
 
 def read_memory_bytes() -> int | None:
