@@ -11,9 +11,9 @@ from gslcosim.base.untrusted_input import JsonObject, parse_json
 from gslcosim.methods.card import MethodCard
 from gslcosim_bench.cases.models import select_labels
 from gslcosim_bench.report.analysis import Analysis, CaseDifficulty, FailureGroup
-from gslcosim_bench.report.curves import PlanDrawing
 from gslcosim_bench.report.leaderboard import LeaderboardRow, sampling_units
 from gslcosim_bench.report.number_formats import format_percent, format_three_digits
+from gslcosim_bench.report.plans import PlanDrawing
 from gslcosim_bench.report.report_data import EnvironmentMap, Floats, Ints, ReportData, ReportEntry
 from gslcosim_bench.report.tables import describe_mark
 from gslcosim_bench.statistics.estimates import Estimate

@@ -1,6 +1,5 @@
 """Pages of a site as text and bytes: the table, a page for each method and each case, plans, and data of the player."""
 
-import io
 import math
 import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -13,24 +12,12 @@ from urllib.parse import quote
 import jinja2
 import numpy as np
 from markupsafe import Markup
-from PIL import Image
 
 from gslcosim.methods.card import MethodCard
 from gslcosim_archive.site.facts import CaseFacts, MethodFacts, describe_cases, describe_methods
 from gslcosim_archive.site.file_names import assign_file_names
-from gslcosim_archive.site.tracks import (
-    GAS_DECADES,
-    QUANTUM_M,
-    QUANTUM_S,
-    AgentTrack,
-    TrackFormat,
-    choose_format,
-    encode_gas,
-    encode_track,
-    read_tracks,
-)
+from gslcosim_archive.site.tracks import GAS_DECADES, TrackFormat, choose_format, encode_gas
 from gslcosim_bench.report.analysis import Analysis
-from gslcosim_bench.report.curves import SOLID, PlanDrawing
 from gslcosim_bench.report.page import (
     FOLDER,
     MOST_LISTED,
@@ -38,18 +25,22 @@ from gslcosim_bench.report.page import (
     assign_line_styles,
     build_environment,
     build_page_values,
+    describe_entry,
+    describe_room,
     make_breakable,
     read_page_file,
+    to_plain,
     to_script_json,
 )
+from gslcosim_bench.report.plans import PlanDrawing
 from gslcosim_bench.report.report_data import EnvironmentMap, ReportEntry
 from gslcosim_bench.report.tables import build_leaderboard_json, describe_provenance
+from gslcosim_bench.report.tracks import QUANTA, AgentTrack, read_tracks
 
 METHODS, CASES, PLANS, TRACKS = "methods", "cases", "plans", "tracks"
 """Folders of a site."""
 
 PAGE_FOLDER = Path(__file__).parent / "page"
-_SOLID_RGBA, _GAS_RGB, _GAS_OPACITY = (128, 129, 126, 205), (205, 155, 35), 0.82
 _WIND_PER_SIDE = 14
 _MAX_FAMILY_LINES = 100
 _SAME_PLACE_M = 0.05
@@ -111,10 +102,10 @@ def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
     for path, text in (*_shared_files(site), *_pages(site), *_track_files(site)):
         yield path, text.encode()
     for room in analysis.rooms:
-        if room.cells is not None:
-            yield f"{PLANS}/{_plan_file(site, room)}.png", _draw_plan(room)
+        if room.picture is not None:
+            yield f"{PLANS}/{_plan_file(site, room)}.png", room.picture.to_png()
             if any(_own_source(site, room, row) for row in room.rows.tolist()):
-                yield f"{PLANS}/{_plan_file(site, room)}{_WITHOUT_GAS}.png", _draw_plan(room, with_gas=False)
+                yield f"{PLANS}/{_plan_file(site, room)}{_WITHOUT_GAS}.png", room.picture.to_png(with_gas=False)
 
 
 # With as many letters no two ids begin alike.
@@ -219,7 +210,7 @@ def _with_neighbours(items: Sequence[Any]) -> Iterator[tuple[Any, Any, Any]]:
 
 
 def _track_files(site: _Site) -> Iterator[tuple[str, str]]:
-    tracks = read_tracks(site.data.analysis.material)
+    tracks = read_tracks(site.data.analysis.material, with_gas=True)
     form = choose_format(tracks)
     for case in site.cases:
         rows = [row for each in case.entries for row in (*each.rows.tolist(), *each.controls.tolist())]
@@ -235,31 +226,22 @@ def _case_data(
     outcomes = list(dict.fromkeys(_outcome(site, row) for row in flown))
     return {
         "name": case.name,
-        "box": [_short(x) for x in room.box_m],
-        "plan": None if room.cells is None else _plan_data(site, room),
-        "sources": [[_short(x), _short(y)] for x, y in room.sources_m],
+        "room": describe_room(room),
+        "plan": None if room.picture is None else _plan_file(site, room),
+        "plan_without_gas": None if room.picture is None else _plan_file(site, room) + _WITHOUT_GAS,
         "wind": _wind_strokes(room.plan),
-        "quanta": [QUANTUM_S, QUANTUM_M],
-        "full_ppm": _short(full_ppm),
+        "quanta": QUANTA,
+        "full_ppm": to_plain(full_ppm),
         "decades": GAS_DECADES,
-        "methods": [_method_data(site, each.entry) for each in case.entries],
+        "methods": [_describe_method(site, each.entry) for each in case.entries],
         "outcomes": outcomes,
         "flights": [_flight(site, case, row, tracks.get(row, ()), form, full_ppm, outcomes) for row in flown],
     }
 
 
-def _plan_data(site: _Site, room: PlanDrawing) -> dict[str, Any]:
-    at = [_short(x) for x in (*room.origin_m, *room.extent_m)]
-    return {"file": _plan_file(site, room), "without_gas": _plan_file(site, room) + _WITHOUT_GAS, "at": at}
-
-
-def _method_data(site: _Site, i: int) -> dict[str, Any]:
-    material, look = site.data.analysis.material, site.looks[i]
-    entry = material.entries[i]
-    return {
-        "name": entry.name, "file": site.method_files[entry.name], "c": look.color, "d": look.dashes, "on": look.is_on,
-        "command": material.command_of(i),
-    }  # fmt: skip
+def _describe_method(site: _Site, i: int) -> dict[str, Any]:
+    material = site.data.analysis.material
+    return describe_entry(material, i, site.looks[i]) | {"file": site.method_files[material.entries[i].name]}
 
 
 def _flight(
@@ -286,17 +268,13 @@ def _flight(
     method = next(k for k, each in enumerate(case.entries) if each.entry == rows.entry[row])
     return [
         site.trial_id(row), method, repetition, int(flags), outcomes.index(_outcome(site, row)),
-        _short(end_s), _short(float(rows.time_s[row])),
-        _short(float(rows["nearest_m"][row])),
-        [encode_track(agent, form.tolerance_m) for agent in team] if is_kept else [],
+        to_plain(end_s), to_plain(float(rows.time_s[row])),
+        to_plain(float(rows["nearest_m"][row])),
+        [agent.pack(form.tolerance_m) for agent in team] if is_kept else [],
         encode_gas(team, end_s, full_ppm),
         "" if recording is None else f"gslcosim view {shlex.quote(str(recording))}",
         *([own] if own else []),
     ]  # fmt: skip
-
-
-def _short(value: float) -> float | None:
-    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 # Where a repetition draws its source anew, the map's gas and sources are those of another one.
@@ -325,15 +303,3 @@ def _wind_strokes(plan: EnvironmentMap | None) -> list[list[float]]:
                 place = (origin + (k + 0.5) * plan.cell_m for origin, k in zip(plan.origin_m, (i, j), strict=True))
                 found.append([round(float(x), 2) for x in (*place, *toward)])
     return found
-
-
-# A byte of the plan is the number of a colour.
-def _draw_plan(room: PlanDrawing, *, with_gas: bool = True) -> bytes:
-    assert room.cells is not None
-    cells = room.cells if with_gas else np.where(room.cells == SOLID, room.cells, 0).astype(np.uint8)
-    image = Image.fromarray(np.ascontiguousarray(cells.T[::-1]), mode="P")
-    image.putpalette([channel for level in range(256) for channel in (_GAS_RGB if level < 255 else _SOLID_RGBA[:3])])
-    opacity = bytes([*(round(_GAS_OPACITY * level) for level in range(255)), _SOLID_RGBA[3]])
-    file = io.BytesIO()
-    image.save(file, format="PNG", transparency=opacity, optimize=True)
-    return file.getvalue()

@@ -9,21 +9,15 @@ import numpy as np
 
 from gslcosim_bench.report.curves import (
     BeliefTracks,
-    CurveWithBand,
+    ChartLine,
     DeclarationCounts,
-    DrawnTrack,
     FinalBelief,
-    PlanDrawing,
-    StartSuccess,
     TimeSummary,
     belief_curves,
     belief_tracks,
-    build_plan_drawings,
-    compute_start_success,
     error_curves,
     profile_curves,
     runtime_curves,
-    select_tracks,
     success_curves,
     summarise_declarations,
     summarise_final_beliefs,
@@ -31,8 +25,10 @@ from gslcosim_bench.report.curves import (
 )
 from gslcosim_bench.report.labels import LevelSuccess, compare_levels
 from gslcosim_bench.report.leaderboard import LeaderboardRow, build_leaderboard
-from gslcosim_bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData
+from gslcosim_bench.report.plans import PlanDrawing, StartSuccess, build_plan_drawings, compute_start_success
+from gslcosim_bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, read_samples
 from gslcosim_bench.report.responses import ParameterResponse, compute_responses
+from gslcosim_bench.report.tracks import DrawnTrack, select_tracks
 from gslcosim_bench.statistics.difficulty import (
     contact_difficulty,
     distance_difficulty,
@@ -80,7 +76,8 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
     rows = material.rows
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     maps = _map_of_rows(rooms)
-    tracks = _tracks_of(material, material.index_of_anchor("lower"))
+    of_oracle = np.flatnonzero(rows.entry == material.index_of_anchor("lower")).tolist()
+    tracks = {row: team[-1].T for row, team in read_samples(material, ("x_m", "y_m"), of_oracle).items()}
     found: list[DifficultyCauses] = []
     for cell in cells.tolist():
         flown = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
@@ -125,25 +122,11 @@ def _map_of_rows(rooms: Sequence[PlanDrawing]) -> dict[int, EnvironmentMap]:
     }  # fmt: skip
 
 
-# The ways of an entry, (m, 2) each, world frame [m], by row.
-def _tracks_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
-    if material.tracks is None or entry is None:
-        return {}
-    rows = material.rows
-    wanted = {str(rows["trial"][row]): row for row in np.flatnonzero(rows.entry == entry).tolist()}
-    found: dict[int, Floats] = {}
-    for batch in material.tracks.select(["trial", "x_m", "y_m"]).to_batches(max_chunksize=512):
-        for k, trial in enumerate(batch.column(0).to_pylist()):
-            if trial in wanted:
-                xy_m = np.stack([np.asarray(batch.column(i)[k].values, dtype=np.float64) for i in (1, 2)], axis=1)
-                found[wanted[trial]] = xy_m[np.isfinite(xy_m).all(axis=1)]
-    return found
-
-
 def _wind(plan: EnvironmentMap, tracks: Sequence[Floats]) -> float:
     if plan.wind_toward is None or not tracks:
         return math.nan
-    cells = np.unique(np.concatenate([_cells_of(plan, track) for track in tracks]), axis=0)
+    track_m = np.concatenate(tracks)
+    cells = np.unique(_cells_of(plan, track_m[np.isfinite(track_m).all(axis=1)]), axis=0)
     return wind_difficulty(plan.wind_toward[cells[:, 0], cells[:, 1]])
 
 
@@ -352,14 +335,14 @@ class ReportView:
     units: SamplingUnits
     critical_value: float
     standings: tuple[LeaderboardRow, ...]
-    curves: tuple[CurveWithBand, ...]
+    curves: tuple[ChartLine, ...]
     times: tuple[TimeSummary, ...]
-    profiles: tuple[CurveWithBand, ...]
-    runtimes: Mapping[str, tuple[CurveWithBand, ...]]
+    profiles: tuple[ChartLine, ...]
+    runtimes: Mapping[str, tuple[ChartLine, ...]]
     pairs: tuple[PairComparison, ...]
     declarations: tuple[DeclarationCounts, ...]
-    errors: tuple[CurveWithBand, ...]
-    beliefs: Mapping[str, tuple[CurveWithBand, ...]]
+    errors: tuple[ChartLine, ...]
+    beliefs: Mapping[str, tuple[ChartLine, ...]]
     last_beliefs: tuple[FinalBelief, ...]
     responses: tuple[ParameterResponse, ...]
 

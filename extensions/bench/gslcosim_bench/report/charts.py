@@ -9,10 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from gslcosim_bench.report.analysis import ReportView
-from gslcosim_bench.report.curves import LARGEST_ERROR_M, RADII_M, CurveWithBand
+from gslcosim_bench.report.curves import LARGEST_ERROR_M, RADII_M, ChartLine
 from gslcosim_bench.report.report_data import Floats
 from gslcosim_bench.report.responses import ParameterResponse, ResponsePoint
-from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.roc import Roc
 
 
@@ -39,23 +38,6 @@ class ChartAxis:
     is_log: bool = False
     ticks: tuple[tuple[float, str], ...] = ()
     default: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ChartLine:
-    """The line of an entry: (m,) each, with the ends of its band where it has one; `area` is that below it.
-
-    One with a `label` is a line of several entries, of which the first gives it its colour.
-    """
-
-    entry: int
-    label: str = ""
-    x: Floats
-    value: Floats
-    low: Floats | None = None
-    high: Floats | None = None
-    n: int
-    area: Estimate | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +86,7 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
     if view.curves:
         charts["success_over_time"] = LineChart(
             title="Share of trials that have found the source, over time",
-            x=time, y=share, lines=_lines(view.curves), is_step=True,
+            x=time, y=share, lines=view.curves, is_step=True,
         )  # fmt: skip
     if view.profiles:
         factors = view.profiles[0].x
@@ -114,21 +96,21 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
                 label="multiple of the oracle's time", name="within", low=float(factors[0]), high=float(factors[-1]),
                 format="times", is_log=True, ticks=_log_ticks(float(factors[0]), float(factors[-1])),
             ),
-            y=_share("of all cases [%]"), lines=_lines(view.profiles), is_step=True,
+            y=_share("of all cases [%]"), lines=view.profiles, is_step=True,
         )  # fmt: skip
     for radius, lines in view.runtimes.items():
         if lines:
             within = "5, 2, 1 and 0.5 m" if radius == "all" else f"{RADII_M[radius]:g} m"
             charts["runtime" if radius == "all" else f"runtime_{radius}"] = LineChart(
                 title=f"Share of trials that had come within {within} of the source, over time",
-                x=time, y=_share(f"within {within} [%]"), lines=_lines(lines), is_step=True,
+                x=time, y=_share(f"within {within} [%]"), lines=lines, is_step=True,
             )  # fmt: skip
     if view.errors:
         charts["errors"] = LineChart(
             title="Share of trials declared within a distance of the source",
             x=ChartAxis(label="error of the declared place [m]", name="within", low=0.0, high=LARGEST_ERROR_M,
                         format="metres"),
-            y=_share("declared so near [%]"), lines=_lines(view.errors), is_step=True,
+            y=_share("declared so near [%]"), lines=view.errors, is_step=True,
         )  # fmt: skip
     alarms = ChartAxis(
         label="false alarms: share of flights without gas", name="false alarms", low=0.0, high=1.0, format="percent"
@@ -149,12 +131,12 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
         highest_m = max((float(np.nanmax(line.high, initial=0.0)) for line in distances), default=0.0)
         charts["beliefs"] = LineChart(
             title="Probability within the success radius over time", x=at,
-            y=_share("probability within the radius [%]"), lines=_lines(view.beliefs["mass"]),
+            y=_share("probability within the radius [%]"), lines=view.beliefs["mass"],
         )  # fmt: skip
         charts["belief_distance"] = LineChart(
             title="Expected distance of the belief to the source over time", x=at,
             y=ChartAxis(label="distance [m]", low=0.0, high=max(1.0, highest_m), format="metres"),
-            lines=_lines(distances),
+            lines=distances,
         )  # fmt: skip
     for response in view.responses:
         for parameter in response.units:
@@ -181,6 +163,8 @@ def _response_charts(response: ParameterResponse, parameter: str, limit_s: float
     is_joined = not x.ticks or x.is_log
     if len(lines) > _MOST_LINES or max(map(len, lines.values())) == 1:
         lines, is_joined = {response.title: points}, False
+    for some in lines.values():
+        some.sort(key=lambda point: place(point.values[parameter]))
     axes = {
         "success": _share("success [%]"),
         "score": ChartAxis(label="mean score", low=0.0, high=1.0, format="number"),
@@ -191,19 +175,18 @@ def _response_charts(response: ParameterResponse, parameter: str, limit_s: float
             title=f"{response.title}: {axes[figure].label} over {parameter}", x=x, y=axes[figure], has_points=True,
             is_joined=is_joined,
             lines=tuple(
-                _response_line(label, [(place(p.values[parameter]), p.entry, getattr(p.figures, figure)) for p in some])
+                ChartLine.of_estimates(
+                    some[0].entry,
+                    np.array([place(p.values[parameter]) for p in some]),
+                    [getattr(p.figures, figure) for p in some],
+                    sum(getattr(p.figures, figure).n for p in some),
+                    label,
+                )
                 for label, some in lines.items()
             ),
         )
         for figure in RESPONSE_FIGURES
     }  # fmt: skip
-
-
-def _response_line(label: str, points: Sequence[tuple[float, int, Estimate]]) -> ChartLine:
-    x, entries, estimates = zip(*sorted(points, key=lambda point: point[0]), strict=True)
-    value, low, high = (np.array([getattr(each, part) for each in estimates]) for part in ("value", "low", "high"))
-    n = sum(each.n for each in estimates)
-    return ChartLine(entry=entries[0], label=label, x=np.array(x), value=value, low=low, high=high, n=n)
 
 
 # Numbers are placed to scale, other values evenly.
@@ -242,10 +225,6 @@ def _word(value: Any) -> str:
 
 def _share(label: str) -> ChartAxis:
     return ChartAxis(label=label, low=0.0, high=1.0, format="percent")
-
-
-def _lines(curves: Sequence[CurveWithBand]) -> tuple[ChartLine, ...]:
-    return tuple(ChartLine(entry=c.entry, x=c.x, value=c.value, low=c.low, high=c.high, n=c.n) for c in curves)
 
 
 # From the origin on.

@@ -11,16 +11,11 @@ import numpy as np
 from gslcosim.base.errors import UsageError
 from gslcosim_bench.report.analysis import Analysis
 from gslcosim_bench.report.charts import LineChart, build_line_charts
-from gslcosim_bench.report.curves import (
-    PlanDrawing,
-    build_plan_drawings,
-    compute_start_success,
-    limit_s,
-    rows_by_entry,
-)
+from gslcosim_bench.report.curves import limit_s, rows_by_entry
 from gslcosim_bench.report.number_formats import format_ranks
 from gslcosim_bench.report.page import LineStyle, assign_line_styles
-from gslcosim_bench.report.report_data import Ints, ReportData, load_report_data
+from gslcosim_bench.report.plans import PlanDrawing, build_plan_drawings, compute_start_success
+from gslcosim_bench.report.report_data import Ints, ReportData, load_report_data, read_samples
 from gslcosim_data.figures.plans import success_by_start
 from gslcosim_data.figures.run_figures import distance_bundle
 from gslcosim_data.figures.style import (
@@ -258,21 +253,11 @@ def _distances(figure: Any, material: ReportData, room: PlanDrawing) -> None:
 
 # Of a team the nearest member at each time.
 def _curves(material: ReportData, room: PlanDrawing) -> dict[int, list[Any]]:
-    assert material.tracks is not None
-    rows = material.rows
-    wanted = {str(rows["trial"][row]): int(row) for _, some in _entries(material, room) for row in some.tolist()}
-    found: dict[str, Any] = {}
-    for batch in material.tracks.select(["trial", "t_s", "distance_m"]).to_batches(max_chunksize=512):
-        for k, trial in enumerate(batch.column(0).to_pylist()):
-            if trial not in wanted:
-                continue
-            t_s, distance_m = (np.asarray(batch.column(i)[k].values, dtype=np.float64) for i in (1, 2))
-            if trial in found:
-                n = min(len(t_s), len(found[trial][0]))
-                t_s, distance_m = t_s[:n], np.minimum(distance_m[:n], found[trial][1][:n])
-            found[trial] = (t_s, distance_m)
+    rows = [row for _, some in _entries(material, room) for row in some.tolist()]
     curves: dict[int, list[Any]] = {}
-    for trial, curve in found.items():
-        if len(curve[0]):
-            curves.setdefault(int(rows.entry[wanted[trial]]), []).append(curve)
+    for row, team in read_samples(material, ("t_s", "distance_m"), rows).items():
+        n = min(samples.shape[1] for samples in team)
+        if n:
+            distance_m = np.min([samples[1, :n] for samples in team], axis=0)
+            curves.setdefault(int(material.rows.entry[row]), []).append((team[-1][0, :n], distance_m))
     return curves

@@ -1,9 +1,10 @@
 """HTML page of the report: everything in one file that needs nothing else."""
 
+import base64
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ from markupsafe import Markup, escape
 
 from gslcosim.base.untrusted_input import escape_json_text
 from gslcosim_bench.report import number_formats
-from gslcosim_bench.report.analysis import Analysis, ReportView
-from gslcosim_bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
+from gslcosim_bench.report.analysis import Analysis
+from gslcosim_bench.report.charts import RESPONSE_FIGURES, LineChart, build_line_charts
 from gslcosim_bench.report.conclusions import describe_conclusions, describe_units
-from gslcosim_bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
-from gslcosim_bench.report.report_data import Floats, ReportEntry
+from gslcosim_bench.report.curves import RADII_M, limit_s
+from gslcosim_bench.report.plans import PlanDrawing
+from gslcosim_bench.report.report_data import ReportData, ReportEntry
 from gslcosim_bench.report.tables import describe_provenance
+from gslcosim_bench.report.tracks import QUANTA
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.store import TRIAL_COLUMNS
 
@@ -26,7 +29,7 @@ FOLDER = Path(__file__).parent / "page"
 _FEW_ENTRIES, _SHOWN_AT_FIRST = 10, 8
 _COLORS, _DASHES = 7, 4
 MOST_LISTED = 40
-_ABSCISSA_DIGITS, _MOST_POINTS = 6, 60
+_MOST_POINTS = 60
 
 
 @dataclass(frozen=True)
@@ -166,115 +169,92 @@ def _range(estimate: Estimate, look: LineStyle) -> Markup:
     ).format(low, high, look.css, value, look.css)
 
 
+def describe_entry(material: ReportData, entry: int, look: LineStyle) -> dict[str, Any]:
+    """Return an entry as scripts read it: its name, its look, and the beginning of the command that repeats a run."""
+    return {"name": material.entries[entry].name, **asdict(look), "command": material.command_of(entry)}
+
+
+def describe_room(room: PlanDrawing) -> dict[str, Any]:
+    """Return a room as scripts read it; who calls says where its picture is (`href`)."""
+    picture, plan = room.picture, room.plan
+    return {
+        "scenario": room.scenario,
+        "label": room.label,
+        "box_m": to_plain(room.box_m),
+        "sources_m": to_plain(room.sources_m),
+        "height_m": to_plain(plan and plan.height_m),
+        "greatest_ppm": to_plain(picture.greatest_ppm if picture else 0.0),
+        "picture": picture and {"origin_m": to_plain(picture.origin_m), "extent_m": to_plain(picture.extent_m)},
+    }
+
+
+def to_plain(value: Any, digits: int = 6) -> Any:
+    """Return a value as JSON has it: fields of dataclasses by name, an estimate as a list, null for what is undefined.
+
+    Args:
+        digits: Of numbers.
+    """
+    if isinstance(value, np.ndarray):
+        return to_plain(value.tolist(), digits)
+    if isinstance(value, float | np.floating):
+        short = float(f"{value:.{digits}g}")
+        return None if not math.isfinite(value) else int(short) if short.is_integer() else short
+    if isinstance(value, Estimate):
+        return to_plain([value.value, value.low, value.high, value.n], 4)
+    if is_dataclass(value):
+        return {field.name: to_plain(getattr(value, field.name), digits) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: to_plain(each, digits) for key, each in value.items()}
+    return [to_plain(each, digits) for each in value] if isinstance(value, list | tuple) else value
+
+
 def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
     material, rows = analysis.material, analysis.material.rows
     return {
-        "entries": [
-            {
-                "name": entry.name, "title": entry.name, "c": look.color, "d": look.dashes, "on": look.is_on,
-                "command": material.command_of(i),
-            }
-            for i, (entry, look) in enumerate(zip(material.entries, looks, strict=True))
-        ],
+        "entries": [describe_entry(material, i, look) for i, look in enumerate(looks)],
         "order": [row.entry for row in analysis.everything.standings],
         "limit": limit_s(rows),
-        "quantum": QUANTUM_M,
-        "views": [_view(view, limit_s(rows)) for view in analysis.views],
-        "rooms": [_room(room) for room in analysis.rooms],
-        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _to_list(s.success)] for s in analysis.starts],
+        "quanta": QUANTA,
+        "views": [
+            {
+                "label": view.label,
+                "scenarios": view.scenarios,
+                "charts": {name: _chart(chart) for name, chart in build_line_charts(view, limit_s(rows)).items()},
+                "times": to_plain(view.times),
+                "pairs": None
+                if not view.pairs
+                else {"order": [row.entry for row in view.standings], "cells": to_plain(view.pairs)},
+            }
+            for view in analysis.views
+        ],
+        "rooms": [_embed_picture(room, describe_room(room)) for room in analysis.rooms],
+        "starts": to_plain(analysis.starts),
         "tracks": [
             {
-                "r": track.room, "e": int(rows.entry[track.row]), "s": int(rows["success"][track.row]),
-                "o": rows["outcome"][track.row] or rows["status"][track.row], "t": _number(rows["end_s"][track.row]),
-                "c": f"{rows['case'][track.row]}, repetition {rows['repetition'][track.row]}",
-                "id": rows["trial"][track.row], "p": track.steps.ravel().tolist(),
+                "room": track.room, "entry": int(rows.entry[track.row]), "found": bool(rows["success"][track.row]),
+                "outcome": rows["outcome"][track.row] or rows["status"][track.row],
+                "end_s": to_plain(rows["end_s"][track.row]), "packed": track.packed, "id": rows["trial"][track.row],
+                "case": f"{rows['case'][track.row]}, repetition {rows['repetition'][track.row]}",
             }
             for track in analysis.tracks
         ],
     }  # fmt: skip
 
 
-def _view(view: ReportView, limit: float) -> dict[str, Any]:
-    return {
-        "key": view.key,
-        "label": view.label,
-        "scenarios": view.scenarios,
-        "charts": {name: _chart(chart) for name, chart in build_line_charts(view, limit).items()},
-        "times": [
-            {
-                "e": t.entry, "rmst": _to_list(t.restricted_s), "median": _to_list(t.median_s),
-                "ert": _to_list(t.expected_s), "found": _to_list(t.found_s), "bins": t.bins.tolist(),
-                "missed": t.n_missed, "n": t.n,
-            }
-            for t in view.times
-        ],
-        "pairs": {
-            "order": [row.entry for row in view.standings],
-            "cells": [
-                [
-                    p.a, p.b, p.verdict, _to_list(p.score), _to_list(p.success), _to_list(p.a_better), _number(p.p),
-                    int(p.is_same),
-                ]
-                for p in view.pairs
-            ],
-        }
-        if view.pairs
-        else None,
-    }  # fmt: skip
+def _embed_picture(room: PlanDrawing, described: dict[str, Any]) -> dict[str, Any]:
+    if room.picture is not None:
+        described["picture"]["href"] = f"data:image/png;base64,{base64.b64encode(room.picture.to_png()).decode()}"
+    return described
 
 
+# Places that all lines share stand once; lines with places of their own are thinned to what a page can hold.
 def _chart(chart: LineChart) -> dict[str, Any]:
-    shared_x = chart.shared_x
-    return {
-        "title": chart.title, "x": _axis(chart.x), "y": _axis(chart.y), "step": chart.is_step,
-        "diagonal": chart.has_diagonal, "points": chart.has_points, "joined": chart.is_joined,
-        "at": None if shared_x is None else _list(shared_x, _ABSCISSA_DIGITS),
-        "lines": [_line(line, chart) for line in chart.lines],
-    }  # fmt: skip
-
-
-# Lines with places of their own are thinned to what a page of bounded size can hold; points are few.
-def _line(line: ChartLine, chart: LineChart) -> dict[str, Any]:
-    has_own_x = chart.shared_x is None
-    n_points = min(_MOST_POINTS, len(line.x)) if has_own_x and not chart.has_points else len(line.x)
-    keep = np.unique(np.linspace(0, len(line.x) - 1, n_points).round().astype(int))
-    digits = _ABSCISSA_DIGITS if chart.has_points else 3
-    return {
-        "e": line.entry, "label": line.label, "n": line.n, "v": _list(line.value[keep]),
-        "x": _list(line.x[keep], digits) if has_own_x else None,
-        "l": None if line.low is None else _list(line.low[keep]),
-        "h": None if line.high is None else _list(line.high[keep]),
-    }  # fmt: skip
-
-
-def _axis(axis: ChartAxis) -> dict[str, Any]:
-    return {
-        "label": axis.label, "name": axis.name or axis.label, "min": _number(axis.low), "max": _number(axis.high),
-        "format": axis.format, "log": axis.is_log, "ticks": axis.ticks,
-        "default": None if axis.default is None else _number(axis.default, _ABSCISSA_DIGITS),
-    }  # fmt: skip
-
-
-def _room(room: PlanDrawing) -> dict[str, Any]:
-    return {
-        "scenario": room.scenario, "label": room.label, "origin": room.origin_m, "extent": room.extent_m,
-        "box": room.box_m, "sources": room.sources_m, "ppm": _number(room.greatest_ppm),
-        "height": None if room.height_m is None else _number(room.height_m),
-        "shape": None if room.cells is None else room.cells.shape,
-        "cells": None if room.cells is None else encode_plan(room.cells),
-    }  # fmt: skip
-
-
-def _to_list(estimate: Estimate) -> list[float | int | None]:
-    return [_number(estimate.value), _number(estimate.low), _number(estimate.high), estimate.n]
-
-
-def _list(values: Floats, digits: int = 3) -> list[float | int | None]:
-    return [_number(value, digits) for value in values.tolist()]
-
-
-def _number(value: float, digits: int = 4) -> float | int | None:
-    if not math.isfinite(value):
-        return None
-    short = float(f"{value:.{digits}g}")
-    return int(short) if short.is_integer() else short
+    shared_x, lines = chart.shared_x, []
+    for line in chart.lines:
+        n = len(line.x) if shared_x is not None or chart.has_points else min(_MOST_POINTS, len(line.x))
+        keep = np.unique(np.linspace(0, len(line.x) - 1, n).round().astype(int))
+        ends = {"value": line.value, "low": line.low, "high": line.high}
+        values = {name: None if part is None else part[keep] for name, part in ends.items()}
+        x = None if shared_x is not None else to_plain(line.x[keep])
+        lines.append({"entry": line.entry, "label": line.label, "n": line.n, "x": x, **to_plain(values, 3)})
+    return to_plain(replace(chart, lines=())) | {"shared_x": to_plain(shared_x), "lines": lines}

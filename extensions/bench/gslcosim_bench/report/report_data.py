@@ -4,7 +4,7 @@ import base64
 import json
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -215,6 +215,30 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None, *,
     )
 
 
+def read_samples(
+    material: ReportData, names: Sequence[str], rows: Iterable[int] | None = None
+) -> Mapping[int, Sequence[Floats]]:
+    """Return the samples of all agents of each row that has tracks, (len(names), m) each.
+
+    Args:
+        names: Columns of the tracks.
+        rows: Those wanted; absent: all.
+    """
+    if material.tracks is None:
+        return {}
+    trials = material.rows["trial"]
+    row_of = {str(trials[row]): row for row in (range(len(trials)) if rows is None else rows)}
+    found: dict[int, list[Floats]] = {}
+    for batch in material.tracks.select(["trial", *names]).to_batches(max_chunksize=512):
+        for k, trial in enumerate(batch.column(0).to_pylist()):
+            if trial in row_of:
+                lists = (batch.column(i + 1)[k].values for i in range(len(names)))
+                series = [np.atleast_1d(np.asarray(each, dtype=np.float64)) for each in lists]
+                n = min(map(len, series))
+                found.setdefault(row_of[trial], []).append(np.stack([each[:n] for each in series]))
+    return found
+
+
 def _suite(path: Path) -> Mapping[str, Any]:
     if not path.is_file():
         return {}
@@ -287,12 +311,13 @@ def _codes(values: NDArray[Any]) -> Ints:
 
 def _maps(content: Mapping[str, Any], path: Path) -> tuple[EnvironmentMap, ...]:
     try:
-        return tuple(_map(listed) for listed in content.get("maps") or ())
+        return tuple(parse_map(listed) for listed in content.get("maps") or ())
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{path}: expected maps of the rooms, was a damaged file. Take it from a copy.") from error
 
 
-def _map(listed: Mapping[str, Any]) -> EnvironmentMap:
+def parse_map(listed: Mapping[str, Any]) -> EnvironmentMap:
+    """Return a map as `maps.json` has it."""
     nx, ny = (int(n) for n in listed["shape"])
     x_m, y_m = listed["origin_m"][:2]
     return EnvironmentMap(

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,12 @@ import numpy as np
 from gslcosim_bench.report import number_formats
 from gslcosim_bench.report.analysis import Analysis, DifficultyCauses, ReportView, find_beaten, find_same
 from gslcosim_bench.report.conclusions import CONCLUDED, NOT_CONCLUDED, Conclusions, describe_conclusions
-from gslcosim_bench.report.curves import BELIEF_FIGURES, CurveWithBand
+from gslcosim_bench.report.curves import BELIEF_FIGURES, ChartLine
 from gslcosim_bench.report.leaderboard import DECLARED_WITHIN_M, LeaderboardRow
 from gslcosim_bench.report.number_formats import format_duration
 from gslcosim_bench.report.report_data import ReportData
 from gslcosim_bench.report.validity import describe_validity
-from gslcosim_bench.statistics.estimates import LEVEL, Estimate
+from gslcosim_bench.statistics.estimates import LEVEL, UNDEFINED, Estimate
 from gslcosim_bench.store import TRIAL_COLUMNS
 from gslcosim_bench.verification_marks import VerificationMark
 from gslcosim_data.text_tables import escape_markdown, format_markdown_table, write_csv
@@ -226,18 +226,23 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
     """
     folder.mkdir(exist_ok=True)
     tables = {
-        "leaderboard": _leaderboard(analysis),
+        "leaderboard": _items(analysis, lambda view: view.standings, ("rank", "last_rank", "entry", "n"), FIGURES),
         "success_by_start": _starts(analysis),
-        "success_over_time": _lines(analysis, "time_s", lambda view: [("", view.curves)]),
-        "times": _times(analysis),
-        "profile": _lines(analysis, "factor", lambda view: [("", view.profiles)]),
-        "runtime": _lines(analysis, "time_s", lambda view: list(view.runtimes.items()), "radius"),
+        "success_over_time": _lines(analysis, "time_s", lambda view: {"": view.curves}),
+        "times": _items(
+            analysis,
+            lambda view: view.times,
+            ("entry", "n", "n_missed"),
+            ("restricted_s", "median_s", "expected_s", "found_s"),
+        ),
+        "profile": _lines(analysis, "factor", lambda view: {"": view.profiles}),
+        "runtime": _lines(analysis, "time_s", lambda view: view.runtimes, "radius"),
         "pairs": _pairs(analysis),
         "declarations": _declarations(analysis),
-        "declared_errors": _lines(analysis, "error_m", lambda view: [("", view.errors)]),
+        "declared_errors": _lines(analysis, "error_m", lambda view: {"": view.errors}),
         "roc": _rocs(analysis),
-        "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
-        "last_beliefs": _last_beliefs(analysis),
+        "beliefs": _lines(analysis, "time_s", lambda view: view.beliefs, "figure"),
+        "last_beliefs": _items(analysis, lambda view: view.last_beliefs, ("entry", "n"), BELIEF_FIGURES),
         "difficulty": _difficulty(analysis),
         **({"success_by_label": _levels(analysis)} if analysis.levels else {}),
         "failures": _failures(analysis),
@@ -262,78 +267,66 @@ def _names(analysis: Analysis) -> list[str]:
     return [entry.name for entry in analysis.material.entries]
 
 
-def _leaderboard(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    yield ["view", "rank", "last_rank", "entry", "n", *(head for name in FIGURES for head in _heads(name))]
-    names = _names(analysis)
+# A row for each item of each view: its plain fields, `entry` among them by its name, and its estimates.
+def _items(
+    analysis: Analysis, of_view: Callable[[ReportView], Iterable[Any]], plain: Sequence[str], estimates: Sequence[str]
+) -> Iterator[Sequence[Any]]:
+    yield ["view", *plain, *(head for name in estimates for head in _heads(name))]
     for view in analysis.views:
-        for row in view.standings:
-            figures = [part for name in FIGURES for part in _parts(getattr(row, name))]
-            yield [view.key, row.rank, row.last_rank, names[row.entry], row.n, *figures]
+        yield from ([view.key, *_cells(analysis, item, plain, estimates)] for item in of_view(view))
+
+
+def _cells(analysis: Analysis, item: Any, plain: Sequence[str], estimates: Sequence[str]) -> list[Any]:
+    names = _names(analysis)
+    cells = [names[item.entry] if name == "entry" else getattr(item, name) for name in plain]
+    return cells + [part for name in estimates for part in _parts(getattr(item, name))]
 
 
 def _starts(analysis: Analysis) -> Iterator[Sequence[Any]]:
     yield ["room", "entry", "start_x_m", "start_y_m", *_heads("success")]
-    names = _names(analysis)
     for start in analysis.starts:
-        room = analysis.rooms[start.room].label
-        yield [room, names[start.entry], start.x_m, start.y_m, *_parts(start.success)]
+        yield [analysis.rooms[start.room].label, *_cells(analysis, start, ("entry", "x_m", "y_m"), ("success",))]
 
 
 def _levels(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    figures = ("success", "alone", "approach", "difference")
-    yield ["axis", "level", "is_core", "entry", *(head for name in figures for head in _heads(name))]
-    names = _names(analysis)
-    for each in analysis.levels:
-        parts = [part for name in figures for part in _parts(getattr(each, name))]
-        yield [each.axis, each.level, each.is_core, names[each.entry], *parts]
+    plain, estimates = ("axis", "level", "is_core", "entry"), ("success", "alone", "approach", "difference")
+    yield [*plain, *(head for name in estimates for head in _heads(name))]
+    yield from (_cells(analysis, each, plain, estimates) for each in analysis.levels)
 
 
-def _lines(analysis: Analysis, x: str, of_view: Any, kind: str = "") -> Iterator[Sequence[Any]]:
+def _lines(
+    analysis: Analysis, x: str, of_view: Callable[[ReportView], Mapping[str, Iterable[ChartLine]]], kind: str = ""
+) -> Iterator[Sequence[Any]]:
     yield ["view", *([kind] if kind else []), "entry", x, "value", "low", "high", "n"]
     names = _names(analysis)
     for view in analysis.views:
-        for label, lines in of_view(view):
+        for label, lines in of_view(view).items():
             for line in lines:
-                yield from _points(line, [view.key, *([label] if kind else []), names[line.entry]])
-
-
-def _points(line: CurveWithBand, before: list[Any]) -> Iterator[Sequence[Any]]:
-    for point in zip(line.x.tolist(), line.value.tolist(), line.low.tolist(), line.high.tolist(), strict=True):
-        yield [*before, *point, line.n]
-
-
-def _times(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    figures = ("restricted_s", "median_s", "expected_s", "found_s")
-    yield ["view", "entry", "n", "n_missed", *(head for name in figures for head in _heads(name))]
-    names = _names(analysis)
-    for view in analysis.views:
-        for t in view.times:
-            parts = [part for name in figures for part in _parts(getattr(t, name))]
-            yield [view.key, names[t.entry], t.n, t.n_missed, *parts]
+                before = [view.key, *([label] if kind else []), names[line.entry]]
+                columns = (getattr(line, end).tolist() for end in ("x", "value", "low", "high"))
+                for point in zip(*columns, strict=True):
+                    yield [*before, *point, line.n]
 
 
 def _pairs(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    yield ["view", "a", "b", "better", "is_same", "p", *_heads("score"), *_heads("success"), *_heads("a_better")]
+    estimates = ("score", "success", "a_better")
+    yield ["view", "a", "b", "better", "is_same", "p", *(head for name in estimates for head in _heads(name))]
     names = _names(analysis)
     for view in analysis.views:
         for p in view.pairs:
             better = {1: names[p.a], -1: names[p.b], 0: ""}[p.verdict]
-            parts = [part for estimate in (p.score, p.success, p.a_better) for part in _parts(estimate)]
-            yield [view.key, names[p.a], names[p.b], better, p.is_same, p.p, *parts]
+            yield [view.key, names[p.a], names[p.b], better, *_cells(analysis, p, ("is_same", "p"), estimates)]
 
 
 def _declarations(analysis: Analysis) -> Iterator[Sequence[Any]]:
     counts = ("right", "elsewhere", "silent", "alarms", "quiet")
     rates = ("right_frac", "elsewhere_frac", "silent_frac", "alarm_frac")
-    areas = ("roc_area", "localisation_roc_area")
-    yield ["view", "entry", *counts, *(head for name in (*rates, *areas) for head in _heads(name))]
-    names, nothing = _names(analysis), [math.nan] * 3 + [0]
+    heads = (head for name in (*rates, "roc_area", "localisation_roc_area") for head in _heads(name))
+    yield ["view", "entry", *counts, *heads]
     for view in analysis.views:
         for d in view.declarations:
-            parts = [part for name in rates for part in _parts(getattr(d, name))]
-            for curve in (d.curve, d.place_curve):
-                parts += _parts(curve.area) if curve else nothing
-            yield [view.key, names[d.entry], *(getattr(d, name) for name in counts), *parts]
+            areas = [part for c in (d.curve, d.place_curve) for part in _parts(c.area if c else UNDEFINED)]
+            yield [view.key, *_cells(analysis, d, ("entry", *counts), rates), *areas]
 
 
 def _rocs(analysis: Analysis) -> Iterator[Sequence[Any]]:
@@ -348,28 +341,13 @@ def _rocs(analysis: Analysis) -> Iterator[Sequence[Any]]:
                         yield [view.key, names[d.entry], label, *point]
 
 
-def _last_beliefs(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    yield ["view", "entry", "n", *(head for name in BELIEF_FIGURES for head in _heads(name))]
-    names = _names(analysis)
-    for view in analysis.views:
-        for b in view.last_beliefs:
-            yield [
-                view.key,
-                names[b.entry],
-                b.n,
-                *(part for name in BELIEF_FIGURES for part in _parts(getattr(b, name))),
-            ]
-
-
 def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    figures = ("difficulty", "success", "walker", "oracle_s", "contact")
-    heads = [head for name in figures for head in _heads(name)]
+    plain = ("case", "family", "grade", "is_informative", "shortest_m")
+    estimates = ("difficulty", "success", "walker", "oracle_s", "contact")
     causes = [field.name for field in fields(DifficultyCauses)]
-    yield ["case", "family", "grade", "is_informative", "shortest_m", *heads, *(f"cause_{name}" for name in causes)]
+    yield [*plain, *(head for name in estimates for head in _heads(name)), *(f"cause_{name}" for name in causes)]
     for g in analysis.grades:
-        parts = [part for name in figures for part in _parts(getattr(g, name))]
-        values = [getattr(g.causes, name) for name in causes]
-        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts, *values]
+        yield [*_cells(analysis, g, plain, estimates), *(getattr(g.causes, name) for name in causes)]
 
 
 def _failures(analysis: Analysis) -> Iterator[Sequence[Any]]:

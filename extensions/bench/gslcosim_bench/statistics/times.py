@@ -3,6 +3,9 @@
 A trial has a time [s] and whether the source was reached then. A trial that did not reach it is *censored*: all that
 is known is that it would have taken longer. Failures that ended early (a collision) would not have gone on to find the
 source; every function here counts them to the limit.
+
+`time_s` are (n,) times of reaching [s]; those of failures do not count. `reached` (n,) says which reached the source.
+`clusters` and `units` are trials that are drawn as one, since they share their room or their gas.
 """
 
 import math
@@ -57,10 +60,7 @@ def cumulative_success(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray
     curve of trials whose failures search for ever.
 
     Args:
-        time_s: (n,) time of reaching [s]; that of a failure does not count.
-        reached: (n,) whether the source was reached.
         at_s: (m,) when to give the fraction, up to the limit [s].
-        units: Rooms or plumes whose trials are drawn as one.
 
     Source:
         Aalen and Johansen 1978: an early end is a competing event, not a censoring.
@@ -74,8 +74,6 @@ def counted_times(time_s: np.ndarray, reached: np.ndarray, limit_s: float | np.n
     """Return min(t, T) for trials that reached the source and T for all others, (n,) [s].
 
     Args:
-        time_s: (n,) time of reaching [s]; that of a failure does not count.
-        reached: (n,) whether the source was reached.
         limit_s: Time limit T of all trials, or (n,) of each [s].
     """
     time_s, reached = _trials(time_s, reached)
@@ -99,10 +97,7 @@ def restricted_mean(
     with Student's quantile in place of the normal one.
 
     Args:
-        time_s: (n,) time of reaching [s]; that of a failure does not count.
-        reached: (n,) whether the source was reached.
         limit_s: Time limit T of all trials, or (n,) of each [s].
-        clusters: (n,) labels of trials that share their gas; with them the interval is a bootstrap over clusters.
         cells: (n,) cases, which count the same however many trials they have; None: each trial does.
 
     Returns:
@@ -137,11 +132,6 @@ def median_time(
 
     It is the first time at which the searching share is 1/2 or less.
 
-    Args:
-        time_s: (n,) time of reaching [s]; that of a failure does not count.
-        reached: (n,) whether the source was reached.
-        clusters: (n,) labels of trials that are drawn together.
-
     Source:
         Efron 1981, doi:10.1080/01621459.1981.10477650, bootstrap of the Kaplan-Meier median.
     """
@@ -164,8 +154,6 @@ def expected_running_time(
 
     Args:
         time_s: (n,) run time: of reaching, or of the end of a failure [s].
-        reached: (n,) whether the source was reached.
-        clusters: (n,) labels of trials that are drawn together.
 
     Source:
         Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977.
@@ -184,10 +172,6 @@ def mean_of_successes(time_s: np.ndarray, reached: np.ndarray) -> Estimate:
 
     It flatters methods that only succeed where it is quick, so it is never a figure to rank by. Student's interval;
     `n` is the number of successes.
-
-    Args:
-        time_s: (n,) time of reaching [s].
-        reached: (n,) whether the source was reached.
     """
     time_s, reached = _trials(time_s, reached)
     found_s = time_s[reached]
@@ -245,7 +229,6 @@ def runtime_distribution(
         times_s: (n, m) when each of n trials first met each of m targets, such as radii of 5, 2, 1 and 0.5 m around
             the source [s]; infinite (or nan) where it never did.
         at_s: (k,) when to give the fraction [s].
-        clusters: (n,) labels of trials that are drawn together.
 
     Returns:
         The curve; n counts trials.

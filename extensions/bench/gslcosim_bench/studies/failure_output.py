@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 from PIL import Image, ImageDraw
 
 from gslcosim_bench.cases.models import LOWER_ANCHOR
+from gslcosim_bench.report.plans import shade
+from gslcosim_bench.report.report_data import parse_map
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.store import ResultsFolder, Tracks, unpack_tracks
 from gslcosim_bench.studies.failures import CaseOutcome, Contrast, FailureSearch, RankedFailure
@@ -25,8 +26,7 @@ _SHOWN = 8
 """Failures in the gallery, and contrasts in the table."""
 _CLEAR_P = 0.1
 _PICTURE_PX = 360
-_GAS_DECADES = 3.0
-_WALL, _FLOOR, _GAS = (88, 92, 98), (244, 244, 241), (196, 92, 20)
+_FLOOR = (244, 244, 241)
 _METHOD, _ORACLE, _SOURCE = (24, 84, 190), (30, 130, 70), (190, 20, 40)
 _HEADS = ("factor", "level", "failures", "elsewhere", "p")
 
@@ -230,23 +230,18 @@ def draw_failures(folder: Path, outcomes: Sequence[CaseOutcome]) -> dict[str, by
     return pictures
 
 
-def _draw(room: Mapping[str, Any], tracks: Mapping[str, Tracks]) -> bytes:
-    shape = tuple(room["shape"])
-    occupied = np.frombuffer(base64.b64decode(room["occupied"]), np.uint8).reshape(shape).astype(bool)
-    gas_ppm = np.frombuffer(base64.b64decode(room["mean_gas_ppm"]), "<f4").reshape(shape)
-    # A logarithmic scale of three decades below the highest mean.
-    top = float(gas_ppm.max()) or 1.0
-    share = np.clip(1.0 + np.log10(np.maximum(gas_ppm / top, 1e-12)) / _GAS_DECADES, 0.0, 1.0)[..., None]
-    pixels = (1.0 - 0.75 * share) * np.array(_FLOOR) + 0.75 * share * np.array(_GAS)
-    pixels[occupied] = _WALL
-    scale = max(1, round(_PICTURE_PX / max(shape)))
-    image = Image.fromarray(np.flipud(pixels.swapaxes(0, 1)).astype(np.uint8), "RGB")
-    image = image.resize((shape[0] * scale, shape[1] * scale), Image.Resampling.NEAREST)
+def _draw(listed: Mapping[str, Any], tracks: Mapping[str, Tracks]) -> bytes:
+    room = parse_map(listed)
+    plan = shade(room).draw().convert("RGBA")
+    scale = max(1, round(_PICTURE_PX / max(plan.size)))
+    plan = plan.resize((plan.width * scale, plan.height * scale), Image.Resampling.NEAREST)
+    image = Image.new("RGB", plan.size, _FLOOR)
+    image.paste(plan, mask=plan)
     draw = ImageDraw.Draw(image)
-    px_m = scale / room["cell_m"]
+    px_m = image.width / (room.occupied.shape[0] * room.cell_m)
 
     def place(x_m: float, y_m: float) -> tuple[float, float]:
-        return (x_m - room["origin_m"][0]) * px_m, image.height - (y_m - room["origin_m"][1]) * px_m
+        return (x_m - room.origin_m[0]) * px_m, image.height - (y_m - room.origin_m[1]) * px_m
 
     for entry, agents in tracks.items():
         color = _ORACLE if entry == LOWER_ANCHOR else _METHOD
@@ -258,7 +253,7 @@ def _draw(room: Mapping[str, Any], tracks: Mapping[str, Tracks]) -> bytes:
             if points and color is _METHOD:
                 x, y = points[0]
                 draw.rectangle((x - 4, y - 4, x + 4, y + 4), fill=color)
-    for source_m in room["sources_m"]:
+    for source_m in room.sources_m:
         x, y = place(*source_m[:2])
         draw.ellipse((x - 7, y - 7, x + 7, y + 7), outline=_SOURCE, width=3)
     file = io.BytesIO()

@@ -2,10 +2,8 @@
 // Draws flights over the plan of a case: a player on the case's page, small pictures on a method's page.
 // A file of tracks/ hands its case over by calling `flights(file, data)`.
 const flights = (() => {
-  const { one, all, s, h, plain, seconds, r1, say, sourceMark, hover } = pieces;
-  const DASHES = ["", "7 3", "2 3", "9 3 2 3"];
+  const { one, all, s, h, plain, seconds, r1, say, color, dash, swatch, roomSvg, unpack, wayOf, startMark, trackMarks, sourceMark, hover } = pieces;
   const NARROW = "\u202f", CONTROL = 1, SUCCESS = 2, NO_RESULT = 4;
-  const color = (method) => (method.c === -1 ? "var(--lower)" : method.c === -2 ? "var(--upper)" : `var(--e${method.c})`);
   const isControl = (flight) => Boolean(flight.flags & CONTROL), hasFound = (flight) => Boolean(flight.flags & SUCCESS);
   const loaded = new Map(), waiting = new Map();
 
@@ -23,23 +21,7 @@ const flights = (() => {
   }
 
   // ---------------------------------------------------------------- tracks
-  // Zigzag varints of the steps of time, x and y.
-  function tracksOf(data, flight) {
-    if (!flight.tracks) flight.tracks = flight.packed.map((text) => {
-      const bytes = atob(text), now = [0, 0, 0], track = { t: [], x: [], y: [] };
-      let value = 0, shift = 1, axis = 0;
-      for (let i = 0; i < bytes.length; i++) {
-        const byte = bytes.charCodeAt(i);
-        value += (byte & 127) * shift;
-        if (byte & 128) { shift *= 128; continue; }
-        now[axis] += value % 2 ? -(value + 1) / 2 : value / 2;
-        value = 0; shift = 1; axis = (axis + 1) % 3;
-        if (axis === 0) { track.t.push(now[0] * data.quanta[0]); track.x.push(now[1] * data.quanta[1]); track.y.push(now[2] * data.quanta[1]); }
-      }
-      return track;
-    });
-    return flight.tracks;
-  }
+  const tracksOf = (data, flight) => (flight.tracks ??= flight.packed.map((text) => unpack(text, data.quanta)));
   // Last kept place before a time, and the place at that time.
   function placeAt(track, t) {
     let low = 0, high = track.t.length - 1;
@@ -58,16 +40,11 @@ const flights = (() => {
   // ---------------------------------------------------------------- plan
   // Flights of repetitions with sources of their own are drawn over the plan without the mapped gas.
   function planSvg(data, label, flown) {
-    const [x0, y0, x1, y1] = data.box, w = x1 - x0, t = y1 - y0, unit = Math.max(w, t) / 100, Y = (y) => y1 - y;
-    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label, style: "overflow:hidden" });
-    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
-    if (data.plan) svg.append(s("image", { href: `../plans/${flown.some((flight) => flight.source) ? data.plan.without_gas : data.plan.file}.png`, x: data.plan.at[0], y: y1 - data.plan.at[1] - data.plan.at[3], width: data.plan.at[2], height: data.plan.at[3], preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
-    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "none", stroke: "var(--solid)", "stroke-width": 0.8 * unit }));
-    return { svg, Y, unit };
+    return roomSvg(data.room, data.plan && `../plans/${flown.some((flight) => flight.source) ? data.plan_without_gas : data.plan}.png`, label);
   }
   function sourceMarks(svg, data, flown, Y, unit) {
-    const own = new Map(flown.map((flight) => (flight.source ? [String(flight.source), [flight.source]] : ["mapped", data.sources])));
-    sourceMark(svg, own.size ? [...own.values()].flat() : data.sources, Y, unit);
+    const own = new Map(flown.map((flight) => (flight.source ? [String(flight.source), [flight.source]] : ["mapped", data.room.sources_m])));
+    sourceMark(svg, own.size ? [...own.values()].flat() : data.room.sources_m, Y, unit);
   }
   function windStrokes(svg, data, Y, unit) {
     const group = s("g", { stroke: "var(--faint)", "stroke-width": 0.28 * unit, "stroke-opacity": 0.6, fill: "none", "aria-hidden": "true" });
@@ -78,23 +55,11 @@ const flights = (() => {
     }
     svg.append(group);
   }
-  const wayOf = (track, Y, until = track.t.length - 1) => { let d = ""; for (let i = 0; i <= until; i++) d += `${i ? "L" : "M"}${track.x[i].toFixed(2)} ${Y(track.y[i]).toFixed(2)}`; return d; };
-  function swatch(method) {
-    const svg = s("svg", { width: 18, height: 10, "aria-hidden": "true" });
-    svg.append(s("line", { x1: 1, x2: 17, y1: 5, y2: 5, "stroke-width": 3, stroke: color(method), "stroke-dasharray": DASHES[method.d] || null }));
-    return svg;
-  }
-
   // ---------------------------------------------------------------- small pictures
   function smallPicture(panel, data) {
     const mine = data.flights.filter((flight) => flight.method.file === panel.dataset.entry && !isControl(flight));
     const { svg, Y, unit } = planSvg(data, `Tracks of ${mine.length} flights in ${data.name}`, mine);
-    for (const flight of [...mine].sort((a, b) => hasFound(a) - hasFound(b))) for (const track of tracksOf(data, flight)) {
-      const found = hasFound(flight), last = track.t.length - 1;
-      svg.append(s("path", { d: wayOf(track, Y), fill: "none", stroke: found ? (flight.method.c === -2 ? "var(--ink)" : color(flight.method)) : "var(--faint)", "stroke-width": (found ? 0.75 : 0.5) * unit, "stroke-opacity": found ? 0.75 : 0.55, "stroke-linejoin": "round" }));
-      if (!found) svg.append(s("circle", { cx: track.x[last], cy: Y(track.y[last]), r: unit, fill: "var(--faint)" }));
-      svg.append(s("circle", { cx: track.x[0], cy: Y(track.y[0]), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit }));
-    }
+    for (const flight of [...mine].sort((a, b) => hasFound(a) - hasFound(b))) for (const track of tracksOf(data, flight)) svg.append(trackMarks(track, flight.method, hasFound(flight), Y, unit).group);
     sourceMarks(svg, data, mine, Y, unit);
     panel.append(svg);
   }
@@ -145,8 +110,8 @@ const flights = (() => {
       drawn = shown.map((flight) => {
         const parts = tracksOf(data, flight).map((track) => {
           const ghost = s("path", { d: wayOf(track, Y), fill: "none", stroke: color(flight.method), "stroke-width": 0.4 * unit, "stroke-opacity": 0.28, "stroke-linejoin": "round" });
-          const way = s("path", { fill: "none", stroke: color(flight.method), "stroke-width": 0.75 * unit, "stroke-linejoin": "round", "stroke-dasharray": DASHES[flight.method.d] ? DASHES[flight.method.d].split(" ").map((part) => part * 0.35 * unit).join(" ") : null });
-          const start = s("circle", { cx: track.x[0], cy: Y(track.y[0]), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit });
+          const way = s("path", { fill: "none", stroke: color(flight.method), "stroke-width": 0.75 * unit, "stroke-linejoin": "round", "stroke-dasharray": dash(flight.method) && dash(flight.method).split(" ").map((part) => part * 0.35 * unit).join(" ") });
+          const start = startMark(track, Y, unit);
           const halo = s("circle", { r: 0, fill: "rgba(var(--gas), .5)" });
           const robot = s("circle", { r: 1.3 * unit, fill: color(flight.method), stroke: "var(--paper)", "stroke-width": 0.4 * unit });
           svg.append(ghost, way, start, halo, robot);
@@ -235,7 +200,7 @@ const flights = (() => {
       const file = wanted.startsWith("entry=") ? wanted.slice(6) : null, method = data.methods.find((each) => each.file === file);
       if (flight) { state.group = groupOf(flight); state.chosen = flight.id; }
       else if (method) { state.on = new Set([method]); state.chosen = null; }
-      else if (!state.on.size) state.on = new Set(data.methods.filter((each) => each.on).slice(0, MOST_AT_FIRST));
+      else if (!state.on.size) state.on = new Set(data.methods.filter((each) => each.is_on).slice(0, MOST_AT_FIRST));
       choose();
       if (flight || method) one("#player").scrollIntoView();
     }

@@ -16,8 +16,9 @@ import synthetic
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.main import main
 from gslcosim_archive.site.file_names import assign_file_names
-from gslcosim_archive.site.tracks import QUANTUM_M, QUANTUM_S, AgentTrack, choose_format, encode_gas, encode_track
+from gslcosim_archive.site.tracks import choose_format, encode_gas
 from gslcosim_archive.site.writer import write_site
+from gslcosim_bench.report.tracks import QUANTA, AgentTrack
 
 NASTY = '../../"><img src=x onerror=alert(1)><script>alert(1)</script>'
 METHODS = (
@@ -121,7 +122,7 @@ def test_a_case_has_all_its_flights_as_they_were_flown(foreign):
             flown = next(track for trial, track in tracks.items() if trial.startswith(flight[0]))
             for axis, key in enumerate(("x_m", "y_m")):
                 off = np.interp(flown["t_s"], t_s, xy_m[:, axis]) - np.array(flown[key])
-                assert np.abs(off).max() < 0.1 + 2 * QUANTUM_M
+                assert np.abs(off).max() < 0.1 + 2 * QUANTA[1]
 
 
 def test_a_repetition_with_a_source_of_its_own_shows_that_one_without_the_mapped_gas(tmp_path):
@@ -135,7 +136,7 @@ def test_a_repetition_with_a_source_of_its_own_shows_that_one_without_the_mapped
     data = data_of(next((tmp_path / "site" / "tracks").iterdir()))
     own = {(flight[2], len(flight) > 11 and tuple(flight[11])) for flight in data["flights"]}
     assert own == {(0, (9.0, synthetic.SOURCE_M[1])), (1, False)}
-    pictures = [data["plan"][kind] for kind in ("file", "without_gas")]
+    pictures = [data["plan"], data["plan_without_gas"]]
     assert sorted(path.stem for path in (tmp_path / "site" / "plans").iterdir()) == sorted(pictures)
 
 
@@ -148,7 +149,7 @@ def decoded(text):
             values.append(-(value + 1) // 2 if value % 2 else value // 2)
             value = shift = 0
     points = np.cumsum(np.array(values).reshape(-1, 3), axis=0)
-    return points[:, 0] * QUANTUM_S, points[:, 1:] * QUANTUM_M
+    return points[:, 0] * QUANTA[0], points[:, 1:] * QUANTA[1]
 
 
 def test_a_track_is_off_by_no_more_than_its_tolerance_at_any_time():
@@ -157,10 +158,10 @@ def test_a_track_is_off_by_no_more_than_its_tolerance_at_any_time():
     xy_m = np.cumsum(rng.normal(0.0, 0.3, (300, 2)), axis=0)
     track = AgentTrack(t_s=t_s, xy_m=xy_m, gas_ppm=np.zeros(300))
     for tolerance_m in (0.1, 0.8):
-        kept_s, kept_m = decoded(encode_track(track, tolerance_m))
+        kept_s, kept_m = decoded(track.pack(tolerance_m))
         shown_m = np.stack([np.interp(t_s, kept_s, kept_m[:, axis]) for axis in (0, 1)], axis=1)
-        assert np.hypot(*(shown_m - xy_m).T).max() <= tolerance_m + QUANTUM_M
-    assert len(encode_track(track, 0.8)) < 0.3 * len(encode_track(track, 0.1))
+        assert np.hypot(*(shown_m - xy_m).T).max() <= tolerance_m + QUANTA[1]
+    assert len(track.pack(0.8)) < 0.3 * len(track.pack(0.1))
     # A budget that all of them cannot keep is kept by fewer of them.
     short = AgentTrack(t_s=t_s[:40], xy_m=xy_m[:40], gas_ppm=np.zeros(40))
     assert choose_format({0: [short]}).tolerance_m == 0.1

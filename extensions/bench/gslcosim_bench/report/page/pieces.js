@@ -41,6 +41,52 @@ const pieces = (() => {
   addEventListener("scroll", hideTip, { passive: true });
   const say = (text) => { spoken.textContent = text; };
 
+  // ---------------------------------------------------------------- looks of entries
+  const DASHES = ["", "7 3", "2 3", "9 3 2 3"];
+  const color = (look) => (look.color === -1 ? "var(--lower)" : look.color === -2 ? "var(--upper)" : `var(--e${look.color})`);
+  const dash = (look) => DASHES[look.dashes] || null;
+  function swatch(look) {
+    const svg = s("svg", { width: 18, height: 10, "aria-hidden": "true" });
+    svg.append(s("line", { x1: 1, x2: 17, y1: 5, y2: 5, "stroke-width": 3, stroke: color(look), "stroke-dasharray": dash(look) }));
+    return svg;
+  }
+
+  // ---------------------------------------------------------------- rooms and tracks
+  function roomSvg(room, href, label) {
+    const [x0, y0, x1, y1] = room.box_m, w = x1 - x0, t = y1 - y0, unit = Math.max(w, t) / 100, Y = (y) => y1 - y;
+    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label, style: "overflow:hidden" });
+    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
+    if (href) {
+      const { origin_m: [x, y], extent_m: [width, height] } = room.picture;
+      svg.append(s("image", { href, x, y: y1 - y - height, width, height, preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
+    }
+    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "none", stroke: "var(--solid)", "stroke-width": 0.8 * unit }));
+    return { svg, Y, unit };
+  }
+  // Zigzag varints of the steps of time, x and y.
+  function unpack(text, quanta) {
+    const bytes = atob(text), now = [0, 0, 0], track = { t: [], x: [], y: [] };
+    let value = 0, shift = 1, axis = 0;
+    for (let i = 0; i < bytes.length; i++) {
+      const byte = bytes.charCodeAt(i);
+      value += (byte & 127) * shift;
+      if (byte & 128) { shift *= 128; continue; }
+      now[axis] += value % 2 ? -(value + 1) / 2 : value / 2;
+      value = 0; shift = 1; axis = (axis + 1) % 3;
+      if (axis === 0) { track.t.push(now[0] * quanta[0]); track.x.push(now[1] * quanta[1]); track.y.push(now[2] * quanta[1]); }
+    }
+    return track;
+  }
+  const wayOf = (track, Y, until = track.t.length - 1) => { let d = ""; for (let i = 0; i <= until; i++) d += `${i ? "L" : "M"}${track.x[i].toFixed(2)} ${Y(track.y[i]).toFixed(2)}`; return d; };
+  const startMark = (track, Y, unit) => s("circle", { cx: track.x[0], cy: Y(track.y[0]), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit });
+  // A whole track with its start; one that did not find the source is grey, and has its end.
+  function trackMarks(track, look, found, Y, unit) {
+    const d = wayOf(track, Y), last = track.t.length - 1;
+    const line = s("path", { d, fill: "none", stroke: !found ? "var(--faint)" : look.color === -2 ? "var(--ink)" : color(look), "stroke-width": (found ? 0.75 : 0.5) * unit, "stroke-opacity": found ? 0.75 : 0.55, "stroke-linejoin": "round" });
+    const end = found ? null : s("circle", { cx: track.x[last], cy: Y(track.y[last]), r: unit, fill: "var(--faint)" });
+    return { group: s("g", {}, line, end, startMark(track, Y, unit)), line, d };
+  }
+
   function sourceMark(svg, sources, Y, u) {
     for (const [x, y] of sources) {
       const a = 2.6 * u;
@@ -63,5 +109,5 @@ const pieces = (() => {
     setTimeout(() => { button.textContent = button.dataset.word; }, 1500);
   });
 
-  return { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, sourceMark, copy };
+  return { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, color, dash, swatch, roomSvg, unpack, wayOf, startMark, trackMarks, sourceMark, copy };
 })();

@@ -1,18 +1,16 @@
 "use strict";
 // Draws the page's plots from the JSON that is embedded in it. An estimate is [value, low, high, n]; null is undefined.
 (() => {
-  const { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, sourceMark, copy } = pieces;
+  const { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, color: colorOf, dash: dashOf, swatch: swatchOf, roomSvg, sourceMark, unpack, trackMarks, copy } = pieces;
   const D = JSON.parse(document.getElementById("data").textContent);
-  const DASHES = ["", "7 3", "2 3", "9 3 2 3"];
-  const state = { view: 0, on: new Set(D.entries.map((entry, i) => (entry.on ? i : -1)).filter((i) => i >= 0)), focus: null };
+  const state = { view: 0, on: new Set(D.entries.map((entry, i) => (entry.is_on ? i : -1)).filter((i) => i >= 0)), focus: null };
 
   // ---------------------------------------------------------------- names and formats
-  const color = (e) => { const c = D.entries[e].c; return c === -1 ? "var(--lower)" : c === -2 ? "var(--upper)" : `var(--e${c})`; };
-  const dash = (e) => DASHES[D.entries[e].d] || null;
-  const name = (e) => D.entries[e].title;
+  const color = (e) => colorOf(D.entries[e]), dash = (e) => dashOf(D.entries[e]), swatch = (e) => swatchOf(D.entries[e]);
+  const name = (e) => D.entries[e].name;
   // In narrow places names that all begin alike (one method with many settings) are told by what follows.
   const shared = (() => {
-    const names = D.entries.filter((entry) => entry.c >= 0).map((entry) => entry.title);
+    const names = D.entries.filter((entry) => entry.color >= 0).map((entry) => entry.name);
     if (names.length < 3 || Math.max(...names.map((text) => text.length)) <= 18) return 0;
     let n = 0;
     while (n < names[0].length && names.every((text) => text[n] === names[0][n])) n++;
@@ -20,11 +18,11 @@
     return cut >= 7 ? cut + 1 : 0;
   })();
   // A line of several entries has a label of its own.
-  const lineName = (line) => line.label || name(line.e);
-  const briefLine = (line, n) => (line.label ? short(line.label, n) : brief(line.e, n));
-  const brief = (e, n) => short(shared && D.entries[e].c >= 0 ? `…${name(e).slice(shared)}` : name(e), n);
+  const lineName = (line) => line.label || name(line.entry);
+  const briefLine = (line, n) => (line.label ? short(line.label, n) : brief(line.entry, n));
+  const brief = (e, n) => short(shared && D.entries[e].color >= 0 ? `…${name(e).slice(shared)}` : name(e), n);
   const view = () => D.views[state.view];
-  const shown = (items) => items.filter((item) => item.label || state.on.has(item.e));
+  const shown = (items) => items.filter((item) => item.label || state.on.has(item.entry));
 
   const percent = (v) => (v === null ? "–" : `${(100 * v).toFixed(Math.abs(v) < 0.0995 && v !== 0 ? 1 : 0)} %`);
   const signed = (v) => (v === null ? "–" : (Math.abs(v) < 0.005 ? "" : v > 0 ? "+" : "−") + Math.abs(100 * v).toFixed(0));
@@ -45,12 +43,6 @@
     return found;
   }
 
-  function swatch(e, width = 18) {
-    const svg = s("svg", { width, height: 10, "aria-hidden": "true" });
-    svg.append(s("line", { x1: 1, x2: width - 1, y1: 5, y2: 5, "stroke-width": 3, stroke: color(e), "stroke-dasharray": dash(e) }));
-    return svg;
-  }
-
   // ---------------------------------------------------------------- a table of a plot's figures
   function figuresTable(figure, heads, rows) {
     let box = one("details.figures", figure);
@@ -69,7 +61,7 @@
   }
 
   // ---------------------------------------------------------------- lines with bands
-  // spec: {x: {min, max, label, log, ticks, default, format}, y: {min, max, label, format}, lines: [{e, label, x, v, l, h, n}], diagonal, step, points, joined}
+  // spec: a chart of the page's data, with what `namedChart` adds.
   function lineChart(figure, spec) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const width = Math.max(280, host.clientWidth || figure.clientWidth || 600);
@@ -78,15 +70,15 @@
     const m = { left: 48, right: direct ? 132 : 14, top: 10, bottom: 40 };
     const W = width - m.left - m.right, H = height - m.top - m.bottom;
     const { x, y } = spec;
-    const X = x.log ? (v) => m.left + (W * Math.log(v / x.min)) / Math.log(x.max / x.min) : (v) => m.left + (W * (v - x.min)) / (x.max - x.min || 1);
-    const Y = (v) => m.top + H - (H * (v - y.min)) / (y.max - y.min || 1);
+    const X = x.is_log ? (v) => m.left + (W * Math.log(v / x.low)) / Math.log(x.high / x.low) : (v) => m.left + (W * (v - x.low)) / (x.high - x.low || 1);
+    const Y = (v) => m.top + H - (H * (v - y.low)) / (y.high - y.low || 1);
     const fx = FORMATS[x.format] || plain, fy = FORMATS[y.format] || plain;
     const svg = s("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", tabindex: 0, "aria-label": `${spec.title}. Left and right arrows read the figures.` });
-    for (const v of ticks(y.min, y.max, 5)) {
+    for (const v of ticks(y.low, y.high, 5)) {
       svg.append(s("line", { class: "gridline", x1: m.left, x2: m.left + W, y1: Y(v), y2: Y(v) }),
         s("text", { x: m.left - 7, y: Y(v) + 4, "text-anchor": "end" }, y.format === "percent" ? (100 * v).toFixed(0) : plain(v).replace(/\.0+$/, "")));
     }
-    const marks = x.ticks.length ? x.ticks : ticks(x.min, x.max, Math.max(3, Math.min(8, W / 70))).map((v) => [v, String(+v.toFixed(6))]);
+    const marks = x.ticks.length ? x.ticks : ticks(x.low, x.high, Math.max(3, Math.min(8, W / 70))).map((v) => [v, String(+v.toFixed(6))]);
     for (const [v, word] of marks) {
       svg.append(s("line", { class: "axis", x1: X(v), x2: X(v), y1: m.top + H, y2: m.top + H + 4 }),
         s("text", { x: X(v), y: m.top + H + 17, "text-anchor": "middle" }, word));
@@ -95,45 +87,44 @@
     svg.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: m.top + H, y2: m.top + H }),
       s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, x.label),
       s("text", { x: -(m.top + H / 2), y: 12, transform: "rotate(-90)", "text-anchor": "middle" }, y.label));
-    if (spec.diagonal) svg.append(s("line", { class: "cross", x1: X(0), y1: Y(0), x2: X(1), y2: Y(1) }));
+    if (spec.has_diagonal) svg.append(s("line", { class: "cross", x1: X(0), y1: Y(0), x2: X(1), y2: Y(1) }));
     const path = (xs, ys) => {
       let d = "", pen = false;
       for (let i = 0; i < xs.length; i++) {
-        if (ys[i] === null || (x.log && xs[i] <= 0)) { pen = false; continue; }
-        d += !pen ? `M${r1(X(xs[i]))} ${r1(Y(ys[i]))}` : spec.step ? `H${r1(X(xs[i]))}V${r1(Y(ys[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(ys[i]))}`;
+        if (ys[i] === null || (x.is_log && xs[i] <= 0)) { pen = false; continue; }
+        d += !pen ? `M${r1(X(xs[i]))} ${r1(Y(ys[i]))}` : spec.is_step ? `H${r1(X(xs[i]))}V${r1(Y(ys[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(ys[i]))}`;
         pen = true;
       }
       return d;
     };
     const opacity = lines.length > 8 ? 0.05 : 0.13;
-    for (const line of lines) if (line.l && !spec.points) {
+    for (const line of lines) if (line.low && !spec.has_points) {
       const xs = [], low = [], high = [];
-      line.x.forEach((v, i) => { if (line.l[i] !== null && line.h[i] !== null) { xs.push(v); low.push(line.l[i]); high.push(line.h[i]); } });
+      line.x.forEach((v, i) => { if (line.low[i] !== null && line.high[i] !== null) { xs.push(v); low.push(line.low[i]); high.push(line.high[i]); } });
       if (!xs.length) continue;
       let d = path(xs, high), back = "";
-      for (let i = xs.length - 1; i >= 0; i--) back += spec.step && i < xs.length - 1 ? `V${r1(Y(low[i]))}H${r1(X(xs[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(low[i]))}`;
-      svg.append(s("path", { class: "band", "data-e": line.e, d: d + back + "Z", fill: color(line.e), "fill-opacity": opacity }));
+      for (let i = xs.length - 1; i >= 0; i--) back += spec.is_step && i < xs.length - 1 ? `V${r1(Y(low[i]))}H${r1(X(xs[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(low[i]))}`;
+      svg.append(s("path", { class: "band", "data-e": line.entry, d: d + back + "Z", fill: color(line.entry), "fill-opacity": opacity }));
     }
-    for (const line of lines) if (spec.points) line.x.forEach((v, i) => {
-      if (line.v[i] === null) return;
-      if (line.l[i] !== null && line.h[i] !== null) svg.append(s("line", { "data-e": line.e, x1: X(v), x2: X(v), y1: Y(line.l[i]), y2: Y(line.h[i]), stroke: color(line.e), "stroke-opacity": 0.6 }));
-      svg.append(s("circle", { "data-e": line.e, cx: r1(X(v)), cy: r1(Y(line.v[i])), r: 3.2, fill: color(line.e) }));
+    for (const line of lines) if (spec.has_points) line.x.forEach((v, i) => {
+      if (line.value[i] === null) return;
+      if (line.low[i] !== null && line.high[i] !== null) svg.append(s("line", { "data-e": line.entry, x1: X(v), x2: X(v), y1: Y(line.low[i]), y2: Y(line.high[i]), stroke: color(line.entry), "stroke-opacity": 0.6 }));
+      svg.append(s("circle", { "data-e": line.entry, cx: r1(X(v)), cy: r1(Y(line.value[i])), r: 3.2, fill: color(line.entry) }));
     });
-    if (spec.joined) for (const line of lines) svg.append(s("path", { class: "line", "data-e": line.e, d: path(line.x, line.v), stroke: color(line.e), "stroke-dasharray": dash(line.e) }));
+    if (spec.is_joined) for (const line of lines) svg.append(s("path", { class: "line", "data-e": line.entry, d: path(line.x, line.value), stroke: color(line.entry), "stroke-dasharray": dash(line.entry) }));
     if (direct) endLabels(svg, lines, (v) => Y(v), m.left + W + 8, m.top, m.top + H);
     const cross = s("line", { class: "cross", y1: m.top, y2: m.top + H, visibility: "hidden" });
     svg.append(cross);
 
     const place = (v) => (x.ticks.find(([at]) => at === v) || [v, exact(fx, v)])[1];
     const grid = [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b);
-    const at = (line, v) => { if (spec.points) return line.x.indexOf(v); let i = -1; while (i + 1 < line.x.length && line.x[i + 1] <= v + 1e-9) i++; return i; };
-    const read = (v) => lines.map((line) => [line, at(line, v)]).filter(([line, i]) => i >= 0 && line.v[i] !== null).sort((a, b) => b[0].v[b[1]] - a[0].v[a[1]]);
-    const text = (line, i) => interval(line.v[i], line.l ? line.l[i] : null, line.h ? line.h[i] : null, fy);
-    const number = (line, i) => (Array.isArray(line.n) ? line.n[i] : line.n);
+    const at = (line, v) => { if (spec.has_points) return line.x.indexOf(v); let i = -1; while (i + 1 < line.x.length && line.x[i + 1] <= v + 1e-9) i++; return i; };
+    const read = (v) => lines.map((line) => [line, at(line, v)]).filter(([line, i]) => i >= 0 && line.value[i] !== null).sort((a, b) => b[0].value[b[1]] - a[0].value[a[1]]);
+    const text = (line, i) => interval(line.value[i], line.low ? line.low[i] : null, line.high ? line.high[i] : null, fy);
     const tipAt = (v) => {
       const body = h("tbody");
-      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, briefLine(line, 30)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
-      return [h("b", {}, `${x.name} ${place(v)}`), h("table", {}, body)];
+      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.entry)), h("td", { class: "left" }, briefLine(line, 30)), h("td", {}, text(line, i)), h("td", {}, `n ${line.n}`)));
+      return [h("b", {}, `${x.name || x.label} ${place(v)}`), h("table", {}, body)];
     };
     const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
     const point = (v) => { cross.setAttribute("x1", X(v)); cross.setAttribute("x2", X(v)); cross.setAttribute("visibility", "visible"); };
@@ -153,41 +144,41 @@
         current = Math.max(0, Math.min(grid.length - 1, current + (event.key === "ArrowRight" ? jump : -jump)));
         const v = grid[current], box = svg.getBoundingClientRect();
         point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
-        say(`${x.name} ${place(v)}: ` + read(v).map(([line, i]) => `${lineName(line)} ${text(line, i)}`).join("; "));
+        say(`${x.name || x.label} ${place(v)}: ` + read(v).map(([line, i]) => `${lineName(line)} ${text(line, i)}`).join("; "));
       });
     }
     host.replaceChildren(svg);
     if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map(place)], () => lines.map((line) =>
-      [lineName(line), String(Array.isArray(line.n) ? Math.max(...line.n) : line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
+      [lineName(line), String(line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
   }
   // A round number without its zeros: 50 s, not 50.0 s.
   const exact = (format, v) => format(v).replace(/(\.\d*?)0+(?= |$)/, "$1").replace(/\.(?= |$)/, "");
   const sample = (list, n) => (list.length <= n ? list : Array.from({ length: n }, (_, i) => list[Math.round((i * (list.length - 1)) / (n - 1))]));
 
   function endLabels(svg, lines, Y, x, top, bottom) {
-    const labels = lines.map((line) => { let i = line.v.length - 1; while (i > 0 && line.v[i] === null) i--; return { line, y: Y(line.v[i] ?? 0) }; }).sort((a, b) => a.y - b.y);
+    const labels = lines.map((line) => { let i = line.value.length - 1; while (i > 0 && line.value[i] === null) i--; return { line, y: Y(line.value[i] ?? 0) }; }).sort((a, b) => a.y - b.y);
     const gap = 13;
     labels.forEach((label, i) => { if (i && label.y < labels[i - 1].y + gap) label.y = labels[i - 1].y + gap; });
     for (let i = labels.length - 1; i >= 0; i--) {
       const limit = i === labels.length - 1 ? bottom : labels[i + 1].y - gap;
       if (labels[i].y > limit) labels[i].y = Math.max(top - 6, limit);
     }
-    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, briefLine(line, 17)));
+    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.entry, x, y: y + 4, style: `fill:${color(line.entry)}` }, briefLine(line, 17)));
   }
 
   // ---------------------------------------------------------------- plots by name
   // Charts of lines come as the page's data describe them; here is only how large they are.
   function namedChart(figure, layout) {
     const chart = view().charts[figure.dataset.chart];
-    const lines = shown(chart.lines).map((line) => ({ ...line, x: line.x || chart.at }));
-    lineChart(figure, { ...chart, ...layout, lines: lines.sort((a, b) => D.order.indexOf(a.e) - D.order.indexOf(b.e)) });
+    const lines = shown(chart.lines).map((line) => ({ ...line, x: line.x || chart.shared_x }));
+    lineChart(figure, { ...chart, ...layout, lines: lines.sort((a, b) => D.order.indexOf(a.entry) - D.order.indexOf(b.entry)) });
   }
   const PLOTS = {
     lines(figure) { namedChart(figure, {}); },
     response(figure) {
       namedChart(figure, { height: 230, plainEnds: true });
       const { lines } = view().charts[figure.dataset.chart];
-      if (lines.length > 1) one(".canvas", figure).append(h("p", { class: "note" }, ...lines.flatMap((line) => [swatch(line.e), ` ${line.label}  `])));
+      if (lines.length > 1) one(".canvas", figure).append(h("p", { class: "note" }, ...lines.flatMap((line) => [swatch(line.entry), ` ${line.label}  `])));
     },
     runtime(figure) { namedChart(figure, { height: 230, plainEnds: figure.dataset.chart !== "runtime" }); },
     roc(figure) { namedChart(figure, { plainEnds: true, height: 320, table: false }); },
@@ -201,7 +192,7 @@
 
   function timesChart(figure, rows) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
-    const width = Math.max(300, host.clientWidth || 600), narrow = width < 560, items = D.order.filter((e) => state.on.has(e)).map((e) => rows.find((row) => row.e === e)).filter(Boolean);
+    const width = Math.max(300, host.clientWidth || 600), narrow = width < 560, items = D.order.filter((e) => state.on.has(e)).map((e) => rows.find((row) => row.entry === e)).filter(Boolean);
     const rowHeight = narrow ? 54 : 42, m = { left: narrow ? 8 : 150, right: narrow ? 62 : 84, top: 6, bottom: 38 };
     const height = m.top + m.bottom + rowHeight * items.length, W = width - m.left - m.right;
     const X = (v) => m.left + (W * v) / D.limit;
@@ -211,25 +202,25 @@
     svg.append(s("text", { x: width - 2, y: height - 5, "text-anchor": "end" }, "not found"));
     // The oracle's times lie so close together that beside it all others would be flat.
     const tallest = (some) => Math.max(0, ...some.map((item) => Math.max(...item.bins) / Math.max(1, item.n)));
-    const scale = tallest(items.filter((item) => D.entries[item.e].c !== -1)) || tallest(items) || 1;
+    const scale = tallest(items.filter((item) => D.entries[item.entry].color !== -1)) || tallest(items) || 1;
     items.forEach((item, k) => {
       const base = m.top + rowHeight * (k + 1) - 9, room = narrow ? 24 : 28, group = s("g");
-      group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, brief(item.e, narrow ? 34 : 21)));
+      group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, brief(item.entry, narrow ? 34 : 21)));
       const binWidth = W / item.bins.length;
-      item.bins.forEach((count, i) => { if (count) { const tall = Math.min(room, (room * count) / Math.max(1, item.n) / scale); group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.e), "fill-opacity": 0.42 })); } });
+      item.bins.forEach((count, i) => { if (count) { const tall = Math.min(room, (room * count) / Math.max(1, item.n) / scale); group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.entry), "fill-opacity": 0.42 })); } });
       group.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: base, y2: base }));
-      const mean = item.rmst;
-      if (mean && mean[0] !== null) group.append(s("line", { x1: X(mean[1] ?? mean[0]), x2: X(mean[2] ?? mean[0]), y1: base + 4, y2: base + 4, stroke: color(item.e), "stroke-width": 3 }), s("circle", { cx: X(mean[0]), cy: base + 4, r: 3.6, fill: color(item.e) }));
-      const median = item.median;
+      const mean = item.restricted_s;
+      if (mean && mean[0] !== null) group.append(s("line", { x1: X(mean[1] ?? mean[0]), x2: X(mean[2] ?? mean[0]), y1: base + 4, y2: base + 4, stroke: color(item.entry), "stroke-width": 3 }), s("circle", { cx: X(mean[0]), cy: base + 4, r: 3.6, fill: color(item.entry) }));
+      const median = item.median_s;
       if (median && median[0] !== null) group.append(s("path", { d: `M${X(median[0])} ${base - room}V${base}`, stroke: "var(--ink)", "stroke-width": 1.4 }));
-      const share = item.n ? item.missed / item.n : 0;
+      const share = item.n ? item.n_missed / item.n : 0;
       group.append(s("rect", { x: width - m.right + 14, y: base - room * share, width: 12, height: room * share, fill: "var(--solid)" }), s("rect", { x: width - m.right + 14, y: base - room, width: 12, height: room, fill: "none", stroke: "var(--line)" }), s("text", { x: width - 2, y: base - 4, "text-anchor": "end" }, percent(share)));
       group.append(s("rect", { x: 0, y: base - rowHeight + 9, width, height: rowHeight, fill: "transparent" }));
-      hover(group, () => [h("b", {}, name(item.e)), h("div", {}, `restricted mean ${estimate(item.rmst, seconds)}`), h("div", {}, item.median && item.median[0] !== null ? `median ${interval(item.median[0], item.median[1], item.median[2], (v) => (v === null ? "never" : seconds(v)))}` : "median: fewer than half found it"), h("div", {}, `mean of the successes alone ${estimate(item.found, seconds)}`), h("div", {}, `not found in ${item.missed} of ${item.n}`)]);
+      hover(group, () => [h("b", {}, name(item.entry)), h("div", {}, `restricted mean ${estimate(item.restricted_s, seconds)}`), h("div", {}, item.median_s && item.median_s[0] !== null ? `median ${interval(item.median_s[0], item.median_s[1], item.median_s[2], (v) => (v === null ? "never" : seconds(v)))}` : "median: fewer than half found it"), h("div", {}, `mean of the successes alone ${estimate(item.found_s, seconds)}`), h("div", {}, `not found in ${item.n_missed} of ${item.n}`)]);
       svg.append(group);
     });
     host.replaceChildren(svg);
-    figuresTable(figure, ["entry", "n", "restricted mean", "median", "expected with restarts", "mean of successes alone", "not found"], () => items.map((item) => [name(item.e), String(item.n), estimate(item.rmst, seconds), item.median && item.median[0] !== null ? estimate(item.median, seconds) : "not reached", item.ert && item.ert[0] !== null ? estimate(item.ert, seconds) : "infinite", item.found ? `${estimate(item.found, seconds)}, n ${item.found[3]}` : "–", `${item.missed} of ${item.n}`]));
+    figuresTable(figure, ["entry", "n", "restricted mean", "median", "expected with restarts", "mean of successes alone", "not found"], () => items.map((item) => [name(item.entry), String(item.n), estimate(item.restricted_s, seconds), item.median_s && item.median_s[0] !== null ? estimate(item.median_s, seconds) : "not reached", item.expected_s && item.expected_s[0] !== null ? estimate(item.expected_s, seconds) : "infinite", item.found_s ? `${estimate(item.found_s, seconds)}, n ${item.found_s[3]}` : "–", `${item.n_missed} of ${item.n}`]));
   }
 
   function pairsChart(figure, pairs) {
@@ -240,8 +231,10 @@
     const high = Math.min(110, 14 + 6.2 * Math.max(0, ...order.map((e) => Math.min(16, brief(e, 16).length))));
     const total = left + size * k + 50, height = high + size * k + 4;
     const svg = s("svg", { viewBox: `0 0 ${Math.max(width, total)} ${height}`, role: "img", "aria-label": "Matrix of pairs: the entry of the row against the entry of the column. Figures in the table below." });
-    const cells = new Map(pairs.cells.map((cell) => [cell[0] * 1000 + cell[1], cell]));
-    const cellOf = (a, b) => { const c = cells.get(a * 1000 + b); if (c) return { won: c[2], score: c[3], success: c[4], better: c[5], p: c[6], same: c[7] }; const d = cells.get(b * 1000 + a); if (!d) return null; const turn = (x, f) => (x ? [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]] : null); return { won: -d[2], score: turn(d[3], (v) => -v), success: turn(d[4], (v) => -v), better: turn(d[5], (v) => 1 - v), p: d[6], same: d[7] }; };
+    const cells = new Map(pairs.cells.map((cell) => [cell.a * 1000 + cell.b, cell]));
+    const turn = (x, f) => [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]];
+    // The pair as the entry of the row sees it.
+    const cellOf = (a, b) => { const c = cells.get(a * 1000 + b), d = cells.get(b * 1000 + a); return c || (d ? { ...d, verdict: -d.verdict, score: turn(d.score, (v) => -v), success: turn(d.success, (v) => -v), a_better: turn(d.a_better, (v) => 1 - v) } : null); };
     order.forEach((e, i) => {
       svg.append(s("text", { class: "label ink", x: left - 8, y: high + size * (i + 0.5) + 4, "text-anchor": "end" }, brief(e, Math.floor(left / 7.4))));
       const x = left + size * (i + 0.5);
@@ -252,42 +245,19 @@
       if (a === b) { svg.append(s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, fill: "var(--sunk)" })); return; }
       const c = cellOf(a, b);
       if (!c) return;
-      const strength = c.won > 0 ? 0.25 + 0.75 * Math.min(1, Math.max(0, 2 * ((c.better && c.better[0]) || 0.5) - 1)) : 0;
-      const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.won > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.won > 0 ? strength : 1, stroke: c.won > 0 ? "none" : c.same ? "var(--accent)" : "var(--line)", "stroke-dasharray": c.same ? "2 2" : "none" }));
-      if (text && c.success) group.append(s("text", { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", style: c.won > 0 ? `fill:${strength > 0.6 ? "var(--on-accent)" : "var(--ink)"};font-weight:600` : c.won < 0 ? "fill:var(--faint)" : "fill:var(--soft)" }, signed(c.success[0])));
-      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : c.same ? "equally successful" : "open: neither a difference nor equality is shown"), h("div", {}, `score, mean difference ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)}, corrected for all pairs`)]);
+      const strength = c.verdict > 0 ? 0.25 + 0.75 * Math.min(1, Math.max(0, 2 * (c.a_better[0] ?? 0.5) - 1)) : 0;
+      const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.verdict > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.verdict > 0 ? strength : 1, stroke: c.verdict > 0 ? "none" : c.is_same ? "var(--accent)" : "var(--line)", "stroke-dasharray": c.is_same ? "2 2" : "none" }));
+      if (text) group.append(s("text", { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", style: c.verdict > 0 ? `fill:${strength > 0.6 ? "var(--on-accent)" : "var(--ink)"};font-weight:600` : c.verdict < 0 ? "fill:var(--faint)" : "fill:var(--soft)" }, signed(c.success[0])));
+      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.verdict > 0 ? "better" : c.verdict < 0 ? "worse" : c.is_same ? "equally successful" : "open: neither a difference nor equality is shown"), h("div", {}, `score, mean difference ${interval(c.score[0], c.score[1], c.score[2], plain)}`), h("div", {}, `success ${interval(c.success[0], c.success[1], c.success[2], signed)} points`), h("div", {}, `better in ${estimate(c.a_better, percent)} of ${c.score[3]} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)}, corrected for all pairs`)]);
       svg.append(group);
     }));
     const wrap = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Matrix of pairs" }, svg);
     if (total > width) svg.style.minWidth = `${total}px`;
     host.replaceChildren(wrap);
-    figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p, corrected", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score ? c.score[3] : 0), c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–", c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–", estimate(c.better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.won > 0 ? "first is better" : c.won < 0 ? "second is better" : c.same ? "equally successful" : "open"]; })));
+    figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p, corrected", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score[3]), interval(c.score[0], c.score[1], c.score[2], plain), interval(c.success[0], c.success[1], c.success[2], signed), estimate(c.a_better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.verdict > 0 ? "first is better" : c.verdict < 0 ? "second is better" : c.is_same ? "equally successful" : "open"]; })));
   }
 
   // ---------------------------------------------------------------- rooms: success by start, tracks
-  const images = new Map();
-  function imageOf(room) {
-    if (images.has(room) || !room.cells) return images.get(room) || null;
-    const [nx, ny] = room.shape, bytes = Uint8Array.from(atob(room.cells), (c) => c.charCodeAt(0));
-    const canvas = h("canvas", { width: nx, height: ny }), context = canvas.getContext("2d"), pixels = context.createImageData(nx, ny);
-    for (let i = 0; i < nx; i++) for (let j = 0; j < ny; j++) {
-      const level = bytes[i * ny + j], at = 4 * ((ny - 1 - j) * nx + i);
-      const [r, g, b, a] = level === 255 ? [128, 129, 126, 205] : [205, 155, 35, Math.round(level * 0.82)];
-      pixels.data.set([r, g, b, a], at);
-    }
-    context.putImageData(pixels, 0, 0);
-    images.set(room, canvas.toDataURL());
-    return images.get(room);
-  }
-  function roomSvg(room, label) {
-    const [x0, y0, x1, y1] = room.box, w = x1 - x0, t = y1 - y0;
-    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label, style: "overflow:hidden" });
-    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
-    const image = imageOf(room);
-    if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
-    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "none", stroke: "var(--solid)", "stroke-width": 0.008 * Math.max(w, t) }));
-    return { svg, Y: (y) => y1 - y, unit: Math.max(w, t) / 100 };
-  }
   function roomPanels(figure, draw) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const rooms = D.rooms.map((room, i) => [room, i]).filter(([room]) => view().scenarios.includes(room.scenario));
@@ -311,48 +281,45 @@
     if (draw === startPanel) figuresTable(figure, ["start", "entry", "success", "n"], () => rows);
   }
   function roomNote(room) {
-    const [x0, y0, x1, y1] = room.box, metres = (v) => String(+v.toFixed(2)), size = `${room.label}: ${metres(x1 - x0)} by ${metres(y1 - y0)} m`;
-    return h("span", {}, room.height === null ? `${size}, no plan` : `${size} at ${plain(room.height)} m height` + (room.ppm ? `; gas up to ${plain(room.ppm)} ppm on average` : ""));
+    const [x0, y0, x1, y1] = room.box_m, metres = (v) => String(+v.toFixed(2)), size = `${room.label}: ${metres(x1 - x0)} by ${metres(y1 - y0)} m`;
+    return h("span", {}, room.height_m === null ? `${size}, no plan` : `${size} at ${plain(room.height_m)} m height` + (room.greatest_ppm ? `; gas up to ${plain(room.greatest_ppm)} ppm on average` : ""));
   }
+  const pictureOf = (room) => (room.picture ? room.picture.href : null);
   function startPanel(room, index, e, rows) {
-    const starts = D.starts.filter((item) => item[0] === index && item[1] === e);
+    const starts = D.starts.filter((item) => item.room === index && item.entry === e);
     if (!starts.length) return null;
-    const { svg, Y, unit } = roomSvg(room, `Success of ${name(e)} by start in ${room.label}; figures in the table below.`);
+    const { svg, Y, unit } = roomSvg(room, pictureOf(room), `Success of ${name(e)} by start in ${room.label}; figures in the table below.`);
     let near = Infinity;
-    starts.forEach((a, i) => starts.forEach((b, j) => { if (i < j) near = Math.min(near, Math.max(Math.abs(a[2] - b[2]), Math.abs(a[3] - b[3])) || Infinity); }));
+    starts.forEach((a, i) => starts.forEach((b, j) => { if (i < j) near = Math.min(near, Math.max(Math.abs(a.x_m - b.x_m), Math.abs(a.y_m - b.y_m)) || Infinity); }));
     const size = Math.min(22 * unit, Math.max(5 * unit, Math.min(near, 25 * unit) * 0.84));
-    sourceMark(svg, room.sources, Y, unit);
-    for (const [, , x, y, p] of starts) {
+    for (const { x_m: x, y_m: y, success: p } of starts) {
       rows.push([`${plain(x)}, ${plain(y)} m`, name(e), estimate(p, percent), String(p[3])]);
       const group = s("g", {}, s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--paper)", "fill-opacity": 0.8 }), s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--accent)", "fill-opacity": 0.04 + 0.92 * p[0], stroke: "var(--accent)", "stroke-opacity": 0.5, "stroke-width": 0.3 * unit }));
       if (size > 7 * unit) group.append(s("text", { x, y: Y(y) + 2.1 * unit, "text-anchor": "middle", style: `font-size:${Math.min(6.2 * unit, size * 0.4)}px;fill:${p[0] > 0.52 ? "var(--on-accent)" : "var(--ink)"}` }, (100 * p[0]).toFixed(0)));
       hover(group, () => [h("b", {}, `${name(e)} from ${plain(x)}, ${plain(y)} m`), h("div", {}, `success ${estimate(p, percent)}, n ${p[3]}`)]);
       svg.append(group);
     }
-    sourceMark(svg, room.sources, Y, unit);
+    sourceMark(svg, room.sources_m, Y, unit);
     return h("div", { class: "panel" }, heading(e), svg);
   }
   function heading(e, note) { return h("h3", {}, swatch(e), brief(e, 28), note ? h("small", {}, note) : null); }
   function trackPanel(room, index, e) {
-    const tracks = D.tracks.filter((track) => track.r === index && track.e === e);
+    const tracks = D.tracks.filter((track) => track.room === index && track.entry === e);
     if (!tracks.length) return null;
-    const flights = new Set(tracks.map((track) => track.id)).size, found = new Set(tracks.filter((track) => track.s).map((track) => track.id)).size;
-    const { svg, Y, unit } = roomSvg(room, `${flights} flights of ${name(e)} in ${room.label}, of which ${found} found the source.`);
-    for (const track of [...tracks].sort((a, b) => a.s - b.s)) {
-      let x = 0, y = 0, d = "";
-      for (let i = 0; i < track.p.length; i += 2) { x += track.p[i]; y += track.p[i + 1]; d += `${i ? "L" : "M"}${(x * D.quantum).toFixed(2)} ${Y(y * D.quantum).toFixed(2)}`; }
-      const line = s("path", { d, fill: "none", stroke: !track.s ? "var(--faint)" : D.entries[e].c === -2 ? "var(--ink)" : color(e), "stroke-width": (track.s ? 0.75 : 0.5) * unit, "stroke-opacity": track.s ? 0.75 : 0.55, "stroke-linejoin": "round" });
+    const flights = new Set(tracks.map((track) => track.id)).size, found = new Set(tracks.filter((track) => track.found).map((track) => track.id)).size;
+    const { svg, Y, unit } = roomSvg(room, pictureOf(room), `${flights} flights of ${name(e)} in ${room.label}, of which ${found} found the source.`);
+    for (const track of [...tracks].sort((a, b) => a.found - b.found)) {
+      const { group, line, d } = trackMarks(unpack(track.packed, D.quanta), D.entries[e], track.found, Y, unit);
       const wide = s("path", { d, fill: "none", stroke: "transparent", "stroke-width": 3 * unit, style: "cursor:pointer" });
-      const end = track.s ? null : s("circle", { cx: x * D.quantum, cy: Y(y * D.quantum), r: 1 * unit, fill: "var(--faint)" });
-      const first = s("circle", { cx: track.p[0] * D.quantum, cy: Y(track.p[1] * D.quantum), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit });
-      const group = s("g", {}, line, wide, end, first);
+      const width = line.getAttribute("stroke-width"), opacity = line.getAttribute("stroke-opacity");
+      group.append(wide);
       group.addEventListener("pointerenter", () => { line.setAttribute("stroke-width", 1.5 * unit); line.setAttribute("stroke-opacity", 1); });
-      group.addEventListener("pointerleave", () => { line.setAttribute("stroke-width", (track.s ? 0.75 : 0.5) * unit); line.setAttribute("stroke-opacity", track.s ? 0.75 : 0.55); });
+      group.addEventListener("pointerleave", () => { line.setAttribute("stroke-width", width); line.setAttribute("stroke-opacity", opacity); });
       wide.addEventListener("click", () => { copy(D.entries[e].command + track.id); say("command copied"); });
-      hover(group, () => [h("b", {}, `${name(e)}: ${track.o}`), h("div", {}, track.c), h("div", {}, `${seconds(track.t)}; a click copies the command that flies it again`), h("code", {}, track.id)]);
+      hover(group, () => [h("b", {}, `${name(e)}: ${track.outcome}`), h("div", {}, track.case), h("div", {}, `${seconds(track.end_s)}; a click copies the command that flies it again`), h("code", {}, track.id)]);
       svg.append(group);
     }
-    sourceMark(svg, room.sources, Y, unit);
+    sourceMark(svg, room.sources_m, Y, unit);
     return h("div", { class: "panel" }, heading(e, `${found} of ${flights}`), svg);
   }
 

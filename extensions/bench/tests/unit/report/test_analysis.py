@@ -8,7 +8,6 @@ import synthetic
 
 from gslcosim_bench.report.analysis import analyse, find_beaten
 from gslcosim_bench.report.conclusions import describe_conclusions
-from gslcosim_bench.report.curves import QUANTUM_M, select_tracks
 from gslcosim_bench.report.report_data import load_report_data
 from gslcosim_bench.report.tables import build_leaderboard_json
 
@@ -223,15 +222,6 @@ def test_errors_of_declarations_rise_to_the_share_that_declared_and_hold_the_rat
             at = np.searchsorted(line.x, radius_m - 1e-9)
             assert (line.value[at], line.low[at]) == pytest.approx((shown.value, shown.low))
     assert row("poor").declared_2.value == 0.0
-
-
-def test_tracks_are_thinned_and_keep_their_ends(analysis):
-    analysed, _, _ = analysis
-    material, rooms = analysed.material, analysed.rooms
-    for track in select_tracks(material, rooms)[:20]:
-        places_m = np.cumsum(track.steps, axis=0) * QUANTUM_M
-        start_m = [material.rows[key][track.row] for key in ("start_x_m", "start_y_m")]
-        assert places_m[0] == pytest.approx(start_m, abs=QUANTUM_M)
 
 
 def test_rooms_of_a_scenario_with_several_layouts_have_a_plan_each(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import synthetic
 
 from gslcosim_bench.report.analysis import compute_causes
-from gslcosim_bench.report.curves import build_plan_drawings
+from gslcosim_bench.report.plans import build_plan_drawings
 from gslcosim_bench.report.report_data import load_report_data
 
 WALK = synthetic.Method(name="persistent_walk", success=0.25, mean_s=150.0)

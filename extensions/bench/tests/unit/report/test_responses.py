@@ -108,10 +108,10 @@ def test_page_and_figures_have_the_response(tmp_path):
     folder = varied(tmp_path, [{"x": 0.123456}, {"x": 2.0}, {"x": 8.0}])
     page = write_report(folder, figures=True).page.read_text(encoding="utf-8")
     chart = data_of(page)["views"][0]["charts"]["response_x_score"]
-    assert chart["points"]
-    assert chart["joined"]
-    assert chart["at"] == [0.123456, 2, 8]
-    assert all(math.isfinite(value) for value in chart["lines"][0]["v"])
+    assert chart["has_points"]
+    assert chart["is_joined"]
+    assert chart["shared_x"] == [0.123456, 2, 8]
+    assert all(math.isfinite(value) for value in chart["lines"][0]["value"])
     for name in CHARTS:
         assert f'data-chart="response_x_{name}"' in page
         assert (folder / "figures" / f"response_x_{name}.svg").is_file()

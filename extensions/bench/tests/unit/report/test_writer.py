@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import synthetic
-from page_content import Page, data_of
+from page_content import Page, data_of, unpack
 
 from gslcosim.base.errors import UsageError
 from gslcosim_bench.report.writer import write_report
@@ -67,11 +67,12 @@ def test_curves_and_starts_are_those_of_the_rows(usual):
     names = [entry["name"] for entry in data["entries"]]
     chart = data["views"][0]["charts"]["success_over_time"]
     for line in chart["lines"]:
-        flown = [row for row in rows if row["entry"] == names[line["e"]] and not row["is_control"]]
-        for t, value in zip(chart["at"], line["v"], strict=True):
+        flown = [row for row in rows if row["entry"] == names[line["entry"]] and not row["is_control"]]
+        for t, value in zip(chart["shared_x"], line["value"], strict=True):
             share = np.mean([row["success"] and row["time_s"] <= t for row in flown])
             assert value == pytest.approx(share, abs=6e-4)
-    for room, entry, x_m, y_m, shown in data["starts"]:
+    for start in data["starts"]:
+        room, entry, x_m, y_m, shown = (start[key] for key in ("room", "entry", "x_m", "y_m", "success"))
         flown = [
             row["success"]
             for row in rows
@@ -93,10 +94,10 @@ def test_tracks_begin_and_end_where_they_did(usual):
     tracks = {row["trial"]: row for row in pq.read_table(usual / "tracks.parquet").to_pylist()}
     assert len(data["tracks"]) > 100
     for shown in data["tracks"][:50]:
-        x_m, y_m = (np.cumsum(shown["p"][k::2]) * data["quantum"] for k in (0, 1))
+        _, xy_m = unpack(shown["packed"], data["quanta"])
         flown = tracks[shown["id"]]
-        for places, key in ((x_m, "x_m"), (y_m, "y_m")):
-            assert places[[0, -1]] == pytest.approx([flown[key][0], flown[key][-1]], abs=data["quantum"])
+        for axis, key in enumerate(("x_m", "y_m")):
+            assert xy_m[[0, -1], axis] == pytest.approx([flown[key][0], flown[key][-1]], abs=data["quanta"][1])
 
 
 def test_nothing_is_fetched_from_anywhere(usual):
