@@ -67,7 +67,9 @@ def rank(
     )
     names = _entry_names(submissions)
     if out is not None:
-        _check_out(out)
+        folder = ResultsFolder(out)
+        if folder.trials.is_file() and "merged_from" not in folder.read_json(folder.manifest):
+            raise UsageError(f"The folder of --out has results that are not merged ones: {out}. Choose a new folder.")
         return _written(submissions, names, out, is_kept=True)
     with ScratchFolder("rank") as scratch:
         return _written(submissions, names, scratch.path, is_kept=False)
@@ -117,7 +119,16 @@ def _load_submissions(
         lines = read_log(log, head=head)
         for submission in submissions:
             find_submission(lines, cast("SignedResults", submission.signed), path=log)
-    _check_same_cases(submissions)
+    first = submissions[0]
+    for other in submissions[1:]:
+        here, there = (each.manifest.get("suite_hash") for each in (other, first))
+        if here != there:
+            raise UsageError(
+                f"{other.results.folder}: expected the cases of {first.results.folder}, of suite "
+                f"{first.manifest.get('suite')} with the hash {there}, was suite {other.manifest.get('suite')} with "
+                f"the hash {here}. Results of other cases, or of another version of them, cannot be ranked together: "
+                "enter the same suite with include, and fly it again."
+            )
     _check_same_trials(submissions)
     _check_sandboxes(submissions, is_asked=demands_sandbox)
     return submissions
@@ -161,25 +172,6 @@ class _Submission:
     @property
     def is_verified(self) -> bool:
         return self.verified is not None and self.verified[0] == self.verified[1]
-
-
-def _check_out(out: Path) -> None:
-    folder = ResultsFolder(out)
-    if folder.trials.is_file() and "merged_from" not in folder.read_json(folder.manifest):
-        raise UsageError(f"The folder of --out has results that are not merged ones: {out}. Choose a new folder.")
-
-
-def _check_same_cases(submissions: Sequence[_Submission]) -> None:
-    first = submissions[0]
-    for other in submissions[1:]:
-        here, there = (each.manifest.get("suite_hash") for each in (other, first))
-        if here != there:
-            raise UsageError(
-                f"{other.results.folder}: expected the cases of {first.results.folder}, of suite "
-                f"{first.manifest.get('suite')} with the hash {there}, was suite {other.manifest.get('suite')} with "
-                f"the hash {here}. Results of other cases, or of another version of them, cannot be ranked together: "
-                "enter the same suite with include, and fly it again."
-            )
 
 
 def _check_signatures(submissions: Sequence[_Submission], *, is_asked: bool) -> None:

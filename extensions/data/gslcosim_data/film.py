@@ -158,7 +158,9 @@ class ChasePanel:
         weight = np.minimum(sigmas_m[is_seen] * height_px / ahead_m[is_seen], 4.0) ** 2
         density = np.zeros((height_px, width_px))
         np.add.at(density, (cells[:, 1], cells[:, 0]), weight)
-        density = _blurred(density)
+        for _ in range(4):
+            for axis in (0, 1):
+                density = (np.roll(density, 1, axis) + density + np.roll(density, -1, axis)) / 3
         share = 1 - np.exp(-density * _OPACITY)
         levels = np.clip(share * (colors.N_LEVELS - 1), 0, colors.N_LEVELS - 1).astype(np.uint8)
         rgba = np.dstack([self._gas_colors[levels], (share * 200).astype(np.uint8)])
@@ -170,13 +172,6 @@ class ChasePanel:
 def _direction(x: float, y: float) -> tuple[float, float]:
     length = math.hypot(x, y)
     return (x / length, y / length) if length > 1e-9 else (1.0, 0.0)
-
-
-def _blurred(density: NDArray[np.float64]) -> NDArray[np.float64]:
-    for _ in range(4):
-        for axis in (0, 1):
-            density = (np.roll(density, 1, axis) + density + np.roll(density, -1, axis)) / 3
-    return density
 
 
 def draw_text(draw: ImageDraw.ImageDraw, place: tuple[float, float], text: str, color: Rgb, size_px: int) -> None:
@@ -484,7 +479,21 @@ def write_film(frames: Frames, path: Path, progress: Callable[[int], None] = lam
         path.parent.mkdir(parents=True, exist_ok=True)
         counted = _counted(frames, progress)
         if ending == ".mp4":
-            _write_mp4(counted, unfinished)
+            try:
+                import av
+            except ImportError as error:
+                raise UsageError(f"av: expected the package, found none. Install it with: {REMEDY}") from error
+            with av.open(str(unfinished), "w") as container:
+                stream: Any = None
+                for pixels in counted:
+                    if stream is None:
+                        stream = container.add_stream("libx264", rate=Fraction(FRAMES_PER_S), options=_H264)
+                        stream.height, stream.width = pixels.shape[:2]
+                        stream.pix_fmt = "yuv420p"
+                    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")
+                    container.mux(stream.encode(frame))
+                if stream is not None:
+                    container.mux(stream.encode())
         else:
             _write_animation(counted, unfinished)
         unfinished.replace(path)
@@ -496,24 +505,6 @@ def _counted(frames: Frames, progress: Callable[[int], None]) -> Iterator[NDArra
     for i, frame in enumerate(frames, 1):
         yield frame
         progress(i)
-
-
-def _write_mp4(frames: Iterator[NDArray[np.uint8]], path: Path) -> None:
-    try:
-        import av
-    except ImportError as error:
-        raise UsageError(f"av: expected the package, found none. Install it with: {REMEDY}") from error
-    with av.open(str(path), "w") as container:
-        stream: Any = None
-        for pixels in frames:
-            if stream is None:
-                stream = container.add_stream("libx264", rate=Fraction(FRAMES_PER_S), options=_H264)
-                stream.height, stream.width = pixels.shape[:2]
-                stream.pix_fmt = "yuv420p"
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")
-            container.mux(stream.encode(frame))
-        if stream is not None:
-            container.mux(stream.encode())
 
 
 def _write_animation(frames: Iterator[NDArray[np.uint8]], path: Path) -> None:

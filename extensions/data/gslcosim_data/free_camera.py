@@ -49,7 +49,17 @@ class FreeCamera:
         vehicles = [(agent.name, get_vehicle(agent.vehicle.model)) for agent in scenario.agents]
         spec, kept = scene_spec(environment, vehicles, dt_s=1.0)
         add_lamps(spec, environment)
-        _add_floor_lines(spec, environment)
+        # Lines a metre apart, without which one does not see that something moves.
+        low_m, high_m = environment.grid.origin_m, environment.grid.max_m
+        for axis in (0, 1):
+            other = 1 - axis
+            for at_m in range(math.ceil(low_m[axis]), math.floor(high_m[axis]) + 1):
+                geom = spec.worldbody.add_geom(name=f"{_DRAWN_PART}_line_{axis}_{at_m}", type=mujoco.mjtGeom.mjGEOM_BOX)
+                middle_m = [0.0, 0.0, low_m[2]]
+                middle_m[axis], middle_m[other] = float(at_m), (low_m[other] + high_m[other]) / 2
+                half_m = [0.0, 0.0, _LINE_M]
+                half_m[axis], half_m[other] = _LINE_M, (high_m[other] - low_m[other]) / 2
+                geom.pos, geom.size, geom.rgba = middle_m, half_m, [0.45, 0.48, 0.52, 1.0]
         for i, source in enumerate(scenario.gas.sources):
             ball = spec.worldbody.add_geom(name=f"{_DRAWN_PART}_source_{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE)
             ball.pos, ball.size, ball.rgba = source.position_m, [_SOURCE_M, 0.0, 0.0], [1.0, 0.28, 0.28, 1.0]
@@ -116,20 +126,6 @@ class FreeCamera:
 
 def _rgba(color: tuple[int, int, int], opacity: float = 1.0) -> list[float]:
     return [*(channel / 255 for channel in color), opacity]
-
-
-# Lines a metre apart, without which one does not see that something moves.
-def _add_floor_lines(spec: mujoco.MjSpec, environment: Environment) -> None:
-    low_m, high_m = environment.grid.origin_m, environment.grid.max_m
-    for axis in (0, 1):
-        other = 1 - axis
-        for at_m in range(math.ceil(low_m[axis]), math.floor(high_m[axis]) + 1):
-            geom = spec.worldbody.add_geom(name=f"{_DRAWN_PART}_line_{axis}_{at_m}", type=mujoco.mjtGeom.mjGEOM_BOX)
-            middle_m = [0.0, 0.0, low_m[2]]
-            middle_m[axis], middle_m[other] = float(at_m), (low_m[other] + high_m[other]) / 2
-            half_m = [0.0, 0.0, _LINE_M]
-            half_m[axis], half_m[other] = _LINE_M, (high_m[other] - low_m[other]) / 2
-            geom.pos, geom.size, geom.rgba = middle_m, half_m, [0.45, 0.48, 0.52, 1.0]
 
 
 def _add_parts(spec: mujoco.MjSpec, agent: str, vehicle: Vehicle, color: tuple[int, int, int]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.frames import quaternion_from_yaw
-from gslcosim_data.log_values import Floats, LoggedSensor, LoggedValues, Mask, Remarks, RobotLog, find_unit, is_spelling
+from gslcosim_data.log_values import Floats, LoggedSensor, LoggedValues, Remarks, RobotLog, find_unit, is_spelling
 
 _TIME = "time_s"
 _PLACE = ("x_m", "y_m", "z_m")
@@ -43,7 +43,16 @@ def read_csv_log(path: Path, sensors: Sequence[LoggedSensor]) -> RobotLog:
     table.check_times(time_s)
     place_m = np.column_stack([_limited(table, remarks, *_pose_column(table, name), limits="m") for name in _PLACE])
     is_placed = np.array(np.isfinite(place_m).all(axis=1))
-    _check_places(table, time_s, place_m, is_placed)
+    rows = np.flatnonzero(is_placed)
+    steps_m = np.linalg.norm(np.diff(place_m[rows], axis=0), axis=1)
+    is_wrong = (np.diff(time_s[rows]) == 0) & (steps_m > _LEAST_STEP_M)
+    if is_wrong.any():
+        i = int(np.argmax(is_wrong))
+        raise table.error(
+            int(rows[i + 1]),
+            f"expected one place at {time_s[rows[i]]:g} s, found another, {steps_m[i]:.1f} m away. Import each robot "
+            "of several as a file of its own.",
+        )
     instruments: dict[str, LoggedValues] = {}
     for sensor in sensors:
         columns = _columns_of(sensor, table, sensors)
@@ -238,19 +247,6 @@ def _find_pose_column(table: _Table, wanted: str) -> tuple[int, float] | None:
 
 def _limited(table: _Table, remarks: Remarks, column: int, factor: float, *, limits: str) -> Floats:
     return remarks.without_fills(table.names[column], limits, table.numbers(column, factor), table.place)
-
-
-def _check_places(table: _Table, time_s: Floats, place_m: Floats, is_placed: Mask) -> None:
-    rows = np.flatnonzero(is_placed)
-    steps_m = np.linalg.norm(np.diff(place_m[rows], axis=0), axis=1)
-    is_wrong = (np.diff(time_s[rows]) == 0) & (steps_m > _LEAST_STEP_M)
-    if is_wrong.any():
-        i = int(np.argmax(is_wrong))
-        raise table.error(
-            int(rows[i + 1]),
-            f"expected one place at {time_s[rows[i]]:g} s, found another, {steps_m[i]:.1f} m away. Import each robot "
-            "of several as a file of its own.",
-        )
 
 
 # An attitude stands until the next.

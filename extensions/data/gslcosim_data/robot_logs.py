@@ -98,6 +98,9 @@ def import_log(
     for text in remarks:
         remark(f"{source}: {text}")
 
+    sha = hashlib.sha256()
+    for path in list_files(source) if source.is_dir() else [source]:
+        sha.update(read_regular_file(path))
     plan = RunPlan(
         scenario=scenario,
         environment_dir=environment_dir,
@@ -105,7 +108,7 @@ def import_log(
         directory=loaded.directory,
         processes="one",
         began=time.perf_counter(),
-        origin={IMPORTED_FROM: {"file": source.name, "sha256": _hash_of(source), "remarks": remarks}},
+        origin={IMPORTED_FROM: {"file": source.name, "sha256": sha.hexdigest(), "remarks": remarks}},
     )
     with OpenRun(plan, lambda _: None) as run:
         run.outcome = _Retold(log, run.prepare()).outcome()
@@ -188,13 +191,6 @@ def _remarks_on_room(log: RobotLog, grid: Grid) -> Iterator[str]:
             f"{log.time_s[i]:.9g} s. Poses are expected in metres in the frame of the room; the run ends "
             "where the vehicle leaves it."
         )
-
-
-def _hash_of(source: Path) -> str:
-    sha = hashlib.sha256()
-    for path in list_files(source) if source.is_dir() else [source]:
-        sha.update(read_regular_file(path))
-    return sha.hexdigest()
 
 
 @dataclass

@@ -101,15 +101,12 @@ def count_dataset(origins: Sequence[Origin], tables: Sequence[PublishedTable]) -
         controls=_compute.sum(rows["is_control"]).as_py() or 0,
         samples=tables[1].table.num_rows if len(tables) > 1 else None,
         entries=len(rows["entry"].unique()),
-        cases=len(set(_cases(rows))),
+        cases=len(
+            set(zip(rows["results"].to_pylist(), rows["case"].to_pylist(), strict=True))
+        ),  # a sealed seed draws anew
         rooms=len(set(rooms)),
         plumes=len(set(zip(rooms, gas, strict=True))),
     )
-
-
-# A sealed seed draws the case of a name anew.
-def _cases(rows: Any) -> list[tuple[str, str]]:
-    return list(zip(rows["results"].to_pylist(), rows["case"].to_pylist(), strict=True))
 
 
 def describe_dataset(origins: Sequence[Origin], counts: Counts) -> str:

@@ -93,7 +93,14 @@ def read_origins(folders: Sequence[Path], *, may_be_incomplete: bool = False) ->
         may_be_incomplete: Accept those in which flights of the suite are missing.
     """
     origins = tuple(_read_origin(folder, may_be_incomplete=may_be_incomplete) for folder in folders)
-    _check_names(origins)
+    seen: dict[str, Origin] = {}
+    for origin in origins:
+        if other := seen.get(origin.name):
+            raise UsageError(
+                f"{origin.folder.path}: expected folders with different names, which tell their rows apart, was "
+                f"{origin.name} as {other.folder.path}. Rename one."
+            )
+        seen[origin.name] = origin
     _check_suites(origins)
     _check_programs(origins)
     return origins
@@ -127,17 +134,6 @@ def _read_origin(folder: Path, *, may_be_incomplete: bool) -> Origin:
         key=None if signed is None else signed.key.fingerprint,
         n_planned=state["n_planned"],
     )
-
-
-def _check_names(origins: Sequence[Origin]) -> None:
-    seen: dict[str, Origin] = {}
-    for origin in origins:
-        if other := seen.get(origin.name):
-            raise UsageError(
-                f"{origin.folder.path}: expected folders with different names, which tell their rows apart, was "
-                f"{origin.name} as {other.folder.path}. Rename one."
-            )
-        seen[origin.name] = origin
 
 
 def _check_suites(origins: Sequence[Origin]) -> None:

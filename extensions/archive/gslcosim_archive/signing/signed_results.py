@@ -97,7 +97,7 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
         raise UsageError(
             f"{secret}: expected a file for everybody, was a private key or the secret of a seal. Move it elsewhere."
         )
-    content = _encode(statement)
+    content = (json.dumps(statement, indent=0, ensure_ascii=False) + "\n").encode()
     signature, key = sign_digest(hashlib.sha256(content).digest(), key_path)
     write_at_once(folder / STATEMENT_FILE, lambda path: path.write_bytes(content))
     write_at_once(folder / SIGNATURE_FILE, lambda path: path.write_text(signature, encoding="ascii"))
@@ -228,10 +228,6 @@ def _is_no_text(name: str) -> bool:
     except UnicodeEncodeError:
         return True
     return False
-
-
-def _encode(statement: Mapping[str, Any]) -> bytes:
-    return (json.dumps(statement, indent=0, ensure_ascii=False) + "\n").encode()
 
 
 def _hash_files(folder: Path) -> dict[str, str]:

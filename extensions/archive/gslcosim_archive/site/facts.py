@@ -259,6 +259,8 @@ def describe_methods(
     found: list[MethodFacts] = []
     for i, entry in enumerate(analysis.material.entries):
         card = cards.get(entry.agent_hash)
+        rows = analysis.material.rows
+        own = [replace(group, rows=group.rows[rows.entry[group.rows] == i]) for group in analysis.failures]
         found.append(
             MethodFacts(
                 entry=i,
@@ -269,7 +271,7 @@ def describe_methods(
                 row=standings.get(i),
                 factors=tuple(_factors(analysis, i)),
                 cases=tuple((case, each) for case in cases for each in case.entries if each.entry == i),
-                failures=tuple(_failures(analysis, i)),
+                failures=tuple(replace(group, by_entry=((i, group.rows.size),)) for group in own if group.rows.size),
             )
         )
     return tuple(found)
@@ -374,9 +376,3 @@ def _factors(analysis: Analysis, entry: int) -> list[tuple[str, tuple[FactorLeve
             ]
             found.append((_brief(key), tuple(levels)))
     return found
-
-
-def _failures(analysis: Analysis, entry: int) -> list[FailureGroup]:
-    rows = analysis.material.rows
-    own = [replace(group, rows=group.rows[rows.entry[group.rows] == entry]) for group in analysis.failures]
-    return [replace(group, by_entry=((entry, group.rows.size),)) for group in own if group.rows.size]

@@ -86,7 +86,20 @@ def apply_entry(
     }
     if entry.mode is not None:
         first["mode"] = entry.mode
-    _take_off_the_clock(values, name)
+    # Trials are run as fast as they go, and what comes of them must not depend on the machine.
+    values.pop("pace", None)
+    free = [agent["name"] for agent in values["agents"][:1] if agent.get("mode") == "free"]
+    if free:
+        raise ProblemsError(
+            [
+                Problem(
+                    where=f"scenarios: {name}: agents[0].mode",
+                    expected="a mode that waits for the agent",
+                    found="free: what comes of it depends on the clock",
+                    remedy="Give the entries a mode, for example mode: on_request.",
+                )
+            ]
+        )
     if entry.sensors is not None:
         first["sensors"] = _sensors(entry, card)
         if has_sensor_holds:
@@ -112,23 +125,6 @@ def close_sources(values: dict[str, Any]) -> None:
         )
     for source in values["gas"]["sources"]:
         source["release"] = NO_GAS
-
-
-# Trials are run as fast as they go, and what comes of them must not depend on the machine.
-def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
-    values.pop("pace", None)
-    free = [agent["name"] for agent in values["agents"][:1] if agent.get("mode") == "free"]
-    if free:
-        raise ProblemsError(
-            [
-                Problem(
-                    where=f"scenarios: {name}: agents[0].mode",
-                    expected="a mode that waits for the agent",
-                    found="free: what comes of it depends on the clock",
-                    remedy="Give the entries a mode, for example mode: on_request.",
-                )
-            ]
-        )
 
 
 def resolve_start(start: StartSpec, directory: Path) -> StartSpec:

@@ -323,17 +323,13 @@ def _names_files(path: Path) -> bool:
         scenario = load_scenario(path).scenario
     except InvalidScenarioError:
         # What the suite sets, or a room in which places are drawn, makes it whole.
-        return _may_name_files(path)
+        block = read_yaml(read_regular_file(path).decode(), source=path.name).block or {}
+        environment, wind, gas = (block.get(key) or {} for key in ("environment", "wind", "gas"))
+        if not all(isinstance(part, Mapping) for part in (environment, wind, gas)):
+            return True
+        solver = wind.get("solver", "auto")
+        return not environment.keys() <= {"layout", "doors"} or not isinstance(solver, str) or "playback" in gas
     return bool(scenario.environment.inputs or scenario.wind.file or scenario.gas.stored_folder)
-
-
-def _may_name_files(path: Path) -> bool:
-    block = read_yaml(read_regular_file(path).decode(), source=path.name).block or {}
-    environment, wind, gas = (block.get(key) or {} for key in ("environment", "wind", "gas"))
-    if not all(isinstance(part, Mapping) for part in (environment, wind, gas)):
-        return True
-    solver = wind.get("solver", "auto")
-    return not environment.keys() <= {"layout", "doors"} or not isinstance(solver, str) or "playback" in gas
 
 
 def _kept_program(entry: EntrySpec, directory: Path, folder: Path) -> dict[str, Any]:

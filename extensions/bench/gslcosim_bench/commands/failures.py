@@ -110,7 +110,33 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(fields)
     else:
-        write(_format(search, folder, page))
+        from gslcosim_bench.studies.failure_output import build_fly_command, describe_common
+
+        rate = search.failure_rate
+        lines = [
+            f"{search.entry} in {search.space.name}: {sum(each.is_failure for each in search.random)} of "
+            f"{len(search.random)} random cases are failures, {100 * rate.value:.0f} % ({100 * rate.low:.0f} to "
+            f"{100 * rate.high:.0f}); {len(search.outcomes)} cases in {search.n_runs} runs, "
+            f"{search.n_runs - search.n_flown_now} of them there already.",
+            describe_common(search),
+        ]
+        if search.failures:
+            rows = [
+                (
+                    each.outcome.case.name,
+                    f"{each.severity:.2f}",
+                    f"{each.outcome.row['nearest_m']:.1f} of {each.outcome.distance_m:.1f}",
+                    f"{each.n_again_failed} of {each.n_again}" if each.n_again else "-",
+                    f"{each.n_beside_failed} of {each.n_beside}" if each.n_beside else "-",
+                    build_fly_command(folder, each.outcome),
+                )
+                for each in search.failures[:_LISTED]
+            ]
+            heads = ("CASE", "SEVERITY", "NEAREST m", "OTHER SEEDS", "BESIDE IT", "FLY AGAIN")
+            lines += ["", table(heads, rows), ""]
+            if len(search.failures) > _LISTED:
+                lines.append(f"{len(search.failures) - _LISTED} more are in failures.json.")
+        write("\n".join([*lines, f"Results: {folder} (failures.json, failures.md)", f"Page: {page}"]))
     return 0
 
 
@@ -148,36 +174,6 @@ def _film(search: "FailureSearch", folder: Path, arguments: argparse.Namespace, 
     finally:
         pool.close()
     return films
-
-
-def _format(search: "FailureSearch", folder: Path, page: Path) -> str:
-    from gslcosim_bench.studies.failure_output import build_fly_command, describe_common
-
-    rate = search.failure_rate
-    lines = [
-        f"{search.entry} in {search.space.name}: {sum(each.is_failure for each in search.random)} of "
-        f"{len(search.random)} random cases are failures, {100 * rate.value:.0f} % ({100 * rate.low:.0f} to "
-        f"{100 * rate.high:.0f}); {len(search.outcomes)} cases in {search.n_runs} runs, "
-        f"{search.n_runs - search.n_flown_now} of them there already.",
-        describe_common(search),
-    ]
-    if search.failures:
-        rows = [
-            (
-                each.outcome.case.name,
-                f"{each.severity:.2f}",
-                f"{each.outcome.row['nearest_m']:.1f} of {each.outcome.distance_m:.1f}",
-                f"{each.n_again_failed} of {each.n_again}" if each.n_again else "-",
-                f"{each.n_beside_failed} of {each.n_beside}" if each.n_beside else "-",
-                build_fly_command(folder, each.outcome),
-            )
-            for each in search.failures[:_LISTED]
-        ]
-        heads = ("CASE", "SEVERITY", "NEAREST m", "OTHER SEEDS", "BESIDE IT", "FLY AGAIN")
-        lines += ["", table(heads, rows), ""]
-        if len(search.failures) > _LISTED:
-            lines.append(f"{len(search.failures) - _LISTED} more are in failures.json.")
-    return "\n".join([*lines, f"Results: {folder} (failures.json, failures.md)", f"Page: {page}"])
 
 
 COMMAND = Command(

@@ -78,23 +78,6 @@ def format_tuning(tuning: "TuningResult", folder: Path, pages: Sequence[Path], p
     Args:
         pages: Reports of training and, where there was one, of validation.
     """
-    return "\n".join(
-        [
-            f"{tuning.entry} in {tuning.suite}; searched: {', '.join(str(each) for each in tuning.ranges)}",
-            *_budget_lines(tuning),
-            f"Seeds: training {tuning.training_seed}"
-            + (f", validation {tuning.validation.seed}" if tuning.validation is not None else "")
-            + "; no seed of a run, its gas or a drawn room is one of this suite's or of a bundled suite's.",
-            _tried_table(tuning),
-            *_verdict_lines(tuning),
-            f"parameters: {parameters}" if tuning.validation is not None else "",
-            f"Results: {folder} (tuning.json, tuning.csv, study.log)",
-            *(f"Report of {page.parent.name}: {page}" for page in pages),
-        ]
-    ).replace("\n\n", "\n")
-
-
-def _budget_lines(tuning: "TuningResult") -> list[str]:
     budget = tuning.budget
     n_used = tuning.n_search + tuning.n_validation
     n_same = tuning.n_asked - (len(tuning.tried) - 1)
@@ -113,7 +96,20 @@ def _budget_lines(tuning: "TuningResult") -> list[str]:
         lines.append(f"{n_lost} flights without result count as failures: see status and fault in the rows.")
     if tuning.n_flown_before:
         lines.append(f"{tuning.n_flown_before} of these flights were there already.")
-    return lines
+    return "\n".join(
+        [
+            f"{tuning.entry} in {tuning.suite}; searched: {', '.join(str(each) for each in tuning.ranges)}",
+            *lines,
+            f"Seeds: training {tuning.training_seed}"
+            + (f", validation {tuning.validation.seed}" if tuning.validation is not None else "")
+            + "; no seed of a run, its gas or a drawn room is one of this suite's or of a bundled suite's.",
+            _tried_table(tuning),
+            *_verdict_lines(tuning),
+            f"parameters: {parameters}" if tuning.validation is not None else "",
+            f"Results: {folder} (tuning.json, tuning.csv, study.log)",
+            *(f"Report of {page.parent.name}: {page}" for page in pages),
+        ]
+    ).replace("\n\n", "\n")
 
 
 # The best by training score, and the default wherever it stands.

@@ -34,7 +34,19 @@ def _add_suite(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
     parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the seed of the suite")
     parser.set_defaults(load_suite=None)
-    _add_selection(parser)
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="KEY=PATTERN",
+        help=(
+            "only trials with this entry, scenario, family, case, repetition, control (yes, no) or "
+            "trial, for example entry=e_coli,surge_*; repeatable"
+        ),
+    )
+    parser.add_argument(
+        "--filter", metavar="TEXT", help="only cases whose name contains this text or matches this pattern"
+    )
     parser.add_argument(
         "--shard",
         metavar="I/N",
@@ -84,22 +96,6 @@ def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the merged results")
     parser.add_argument("--partial", action="store_true", help="merge even if shards or trials are missing")
     parser.add_argument("--no-report", action="store_true", help="write no report")
-
-
-def _add_selection(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--only",
-        action="append",
-        default=[],
-        metavar="KEY=PATTERN",
-        help=(
-            "only trials with this entry, scenario, family, case, repetition, control (yes, no) or "
-            "trial, for example entry=e_coli,surge_*; repeatable"
-        ),
-    )
-    parser.add_argument(
-        "--filter", metavar="TEXT", help="only cases whose name contains this text or matches this pattern"
-    )
 
 
 def _add_results(parser: argparse.ArgumentParser) -> None:

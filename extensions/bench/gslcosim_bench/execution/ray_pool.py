@@ -438,7 +438,13 @@ class RayPool:
             return
         result = next(iter(order.results.values()))
         if isinstance(result, RecordedTrial):
-            result = _kept(result, order.job)
+            assert order.job.runs_dir is not None, "a recording is left somewhere"
+            run_dir = order.job.runs_dir / result.flight.run_dir.name
+            for name, content in result.files.items():
+                path = run_dir / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            result = replace(result.flight, run_dir=run_dir)
         self._end(order, worker, result=result)
 
     def _finish_room(self, order: _Order, worker: str) -> None:
@@ -502,13 +508,3 @@ class RayPool:
 
 def _fetched(parcel: list[Any]) -> Contents | None:
     return importlib.import_module("ray").get(parcel[0])
-
-
-def _kept(recorded: RecordedTrial, job: Job) -> Any:
-    assert job.runs_dir is not None, "a recording is left somewhere"
-    run_dir = job.runs_dir / recorded.flight.run_dir.name
-    for name, content in recorded.files.items():
-        path = run_dir / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    return replace(recorded.flight, run_dir=run_dir)

@@ -239,7 +239,13 @@ class NodeJobResult:
 
 def installed_software() -> dict[str, str]:
     """Return which software this machine flies with; runs of machines that differ in it cannot be compared."""
-    return {"version": gslcosim.__version__, "software": software_hash(), "agents": _agents_hash()}
+    # Files of bundled agents are not part of the software's hash: each entry has its own.
+    digest = hashlib.blake2b(digest_size=_DIGITS // 2)
+    for name, program in bundled_agents().items():
+        for path in list_program_files(program):
+            digest.update(f"{name}/{path.name}".encode())
+            digest.update(path.read_bytes())
+    return {"version": gslcosim.__version__, "software": software_hash(), "agents": digest.hexdigest()}
 
 
 class RayWorker:
@@ -339,13 +345,3 @@ class RayWorker:
 
 def _without(root: str, text: str) -> str:
     return text.replace(root, os.sep)
-
-
-# Files of bundled agents are not part of the software's hash: each entry has its own.
-def _agents_hash() -> str:
-    digest = hashlib.blake2b(digest_size=_DIGITS // 2)
-    for name, program in bundled_agents().items():
-        for path in list_program_files(program):
-            digest.update(f"{name}/{path.name}".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()

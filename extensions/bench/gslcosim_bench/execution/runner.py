@@ -76,7 +76,12 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
             "python": sys.version.split()[0],
             **{name: version(name) for name in COMPUTING_PACKAGES},
         },
-        "machine": _machine(sessions),
+        "machine": {
+            "cpu": _cpu_name(),
+            "cores": os.cpu_count(),
+            "platform": platform.platform(),
+            "reference_loop_s": median_reference_loop_s(sessions),
+        },
         "entries": [
             {
                 "name": entry.spec.name,
@@ -100,15 +105,6 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
         "wall": sum_sessions(sessions),
         "sessions": sessions,
         "recordings": {trial: f"recordings/{trial}" for trial in recorded},
-    }
-
-
-def _machine(sessions: list[dict[str, Any]]) -> dict[str, Any]:
-    return {
-        "cpu": _cpu_name(),
-        "cores": os.cpu_count(),
-        "platform": platform.platform(),
-        "reference_loop_s": median_reference_loop_s(sessions),
     }
 
 

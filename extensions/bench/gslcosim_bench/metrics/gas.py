@@ -1,13 +1,7 @@
-# pyright: basic
+"""Gas metrics: first contact, and how gas came and went.
 
-"""Gas metrics: first contact, how gas came and went, and distance of an estimated map to the true one.
-
-Metrics of contact are of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a
+They are of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a
 floor, that of the sensor; the referee's is `GAS_CONTACT_PPM`. With several noses the strongest counts.
-
-Metrics of maps tell errors in shape from errors in amount. Gas maps are (nx, ny) mixing ratios in the mean over time at
-one height, index order ij, of equal square cells. The truth is the mean over the time of the run at the height of the
-map.
 """
 
 import numpy as np
@@ -61,19 +55,3 @@ def _in_gas(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> tuple[Array
         )
     strongest_ppm = gas.reshape(len(times_s), -1).max(axis=1)
     return times_s, np.greater(strongest_ppm, floor_ppm)
-
-
-# Cells on an axis up to which the transport is worth its time; larger maps are summed to larger cells.
-MAX_CELLS = 20
-
-
-def _checked(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
-    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    if first.ndim != 2 or first.shape != second.shape:
-        raise ShapeError(
-            f"gas maps: expected two of one shape (nx, ny), was {first.shape} and {second.shape}. "
-            "Bring them to the same cells first."
-        )
-    if not (np.all(first >= 0.0) and np.all(second >= 0.0)) or not np.isfinite(first.sum() + second.sum()):
-        raise ShapeError("gas maps: expected numbers from 0 on, was a negative one or none. Set unknown cells to 0.")
-    return first, second

@@ -1,5 +1,5 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN202 - kernels have no types, and symbols of equations
+
 """Path metrics: lengths, distances to the sources, clearance, and declarations at the end of it.
 
 Success and distances follow the referee: it looks at the end of each tick, counts a distance equal to the radius as
@@ -12,19 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gslcosim.base.quantities import Vec3
 from gslcosim_bench.metrics.series import Array, as_points, as_series
 from gslcosim_services.referee import metrics
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _gap_m(value_m, low_m, cell_m):
-    return max(low_m - value_m, value_m - low_m - cell_m, 0.0)
-
 
 # Radii of the table of trials [m].
 RADII_M = (5.0, 2.0, 1.0, 0.5)

@@ -30,9 +30,19 @@ def describe_conclusions(analysis: Analysis, view: ReportView) -> Conclusions:
     if not view.pairs:
         return Conclusions(holds=(), limits=("There are no two entries with flights in common to compare.",))
     material = analysis.material
+    rows = material.rows
+    found: list[str] = []
+    if "source" in rows["success_of"].tolist():
+        found.append(
+            "Success is coming near the source, which needs no declaration: a method that flies past without noticing "
+            "succeeds too."
+        )
+    numbers = {row.n for row in view.standings}
+    if len(numbers) > 1:
+        found.append("Not all entries flew all cases: pairs are compared over those that both flew.")
     return Conclusions(
         holds=(_describe_best(material, view), _describe_pairs(material, view), _describe_certainty(material, view)),
-        limits=(_describe_scope(material, view), *_describe_open_pairs(view), *_describe_success(material, view)),
+        limits=(_describe_scope(material, view), *_describe_open_pairs(view), *found),
     )
 
 
@@ -150,20 +160,6 @@ def _describe_open_pairs(view: ReportView) -> list[str]:
         else ""
     )
     return [f"Open pairs are not shown to be equal, even where both have one rank{about}. More cases would tell."]
-
-
-def _describe_success(material: ReportData, view: ReportView) -> list[str]:
-    rows = material.rows
-    found: list[str] = []
-    if "source" in rows["success_of"].tolist():
-        found.append(
-            "Success is coming near the source, which needs no declaration: a method that flies past without noticing "
-            "succeeds too."
-        )
-    numbers = {row.n for row in view.standings}
-    if len(numbers) > 1:
-        found.append("Not all entries flew all cases: pairs are compared over those that both flew.")
-    return found
 
 
 def _count(n: int, word: str) -> str:

@@ -185,12 +185,6 @@ def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Ch
     return {key: tuple(found) for key, found in lines.items()}
 
 
-# The share of some runs for which something holds, at each x.
-def _share_line(rows: TrialRows, entry: int, some: Ints, x: Floats, holds: Flags) -> ChartLine:
-    value, low, high = rates_over_units(holds, sampling_units(rows, some))
-    return ChartLine(entry=entry, x=x, value=value, low=low, high=high, n=len(some))
-
-
 def error_curves(material: ReportData, within: Flags) -> tuple[ChartLine, ...]:
     """Return for each entry which share had declared within a distance of the source; none where none declares.
 
@@ -201,7 +195,9 @@ def error_curves(material: ReportData, within: Flags) -> tuple[ChartLine, ...]:
     for entry, some in rows_by_entry(material, within):
         if rows["declared"][some].any():
             error_m = np.where(rows["declared"][some], rows["declared_error_m"][some], math.inf)
-            lines.append(_share_line(rows, entry, some, at_m, error_m[:, None] <= at_m))
+            # The share of some runs for which something holds, at each x.
+            value, low, high = rates_over_units(error_m[:, None] <= at_m, sampling_units(rows, some))
+            lines.append(ChartLine(entry=entry, x=at_m, value=value, low=low, high=high, n=len(some)))
     return tuple(lines)
 
 

@@ -1,6 +1,5 @@
 """Figures for papers: the plots of the page, distance bundles, and success by start, by matplotlib."""
 
-import importlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -23,10 +22,10 @@ from gslcosim_data.figures.style import (
     FAINT,
     INK,
     OKABE_ITO,
-    STYLE,
     get_line_style,
     matplotlib_for,
     new_figure,
+    part_of_matplotlib,
     safe_text,
     save,
     styled,
@@ -44,7 +43,7 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
         folder: Where to; made if need be.
     """
     otherwise = ", or leave figures out: the page has them too"
-    matplotlib = matplotlib_for("figures", install="gslcosim-bench[report]", otherwise=otherwise)
+    matplotlib_for("figures", install="gslcosim-bench[report]", otherwise=otherwise)
     folder.mkdir(exist_ok=True)
     view, written = analysis.everything, list[Path]()
     charts = build_line_charts(view, limit_s(analysis.material.rows))
@@ -57,21 +56,12 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
         drawings["leaderboard"] = partial(_leaderboard, analysis)
     if view.pairs:
         drawings["pairs"] = partial(_pairs, analysis)
-    with matplotlib.rc_context(STYLE):
+    with styled():
         for name, draw in drawings.items():
-            written += _written(folder / name, draw)
+            figure = part_of_matplotlib("figure").Figure(figsize=(5.2, 3.2))
+            draw(figure.subplots())
+            written += save(figure, folder / name, ("svg", "pdf"))
     return written
-
-
-def _written(stem: Path, draw: Callable[[Any], None]) -> list[Path]:
-    figure = importlib.import_module("matplotlib.figure").Figure(figsize=(5.2, 3.2))
-    draw(figure.subplots())
-    paths = [stem.with_suffix(suffix) for suffix in (".svg", ".pdf")]
-    for path in paths:
-        # No date: the same rows give the same file.
-        undated = {"Date": None} if path.suffix == ".svg" else {"CreationDate": None}
-        figure.savefig(path, metadata=undated)
-    return paths
 
 
 def _color(look: LineStyle) -> str:
@@ -183,7 +173,9 @@ def write_result_figures(
         for room in build_plan_drawings(material):
             label = room.label.replace(" ", "_")
             if "starts" in (names or RESULT_FIGURES):
-                figure = new_figure(columns, _starts_aspect(material, room, columns))
+                down, across = _shape(material, room, columns)
+                x0, y0, x1, y1 = room.box_m
+                figure = new_figure(columns, min((y1 - y0) / max(x1 - x0, 1e-9) * down / across + 0.1 * down, 2.0))
                 _starts(figure, material, room, columns)
                 written += save(figure, folder / f"starts_{label}", formats)
             if "distance" in (names or RESULT_FIGURES) and material.tracks is not None:
@@ -203,12 +195,6 @@ def _shape(material: ReportData, room: PlanDrawing, columns: int) -> tuple[int, 
     n = max(1, len(_entries(material, room)))
     across = min(n, _MOST_ACROSS[columns])
     return -(-n // across), across
-
-
-def _starts_aspect(material: ReportData, room: PlanDrawing, columns: int) -> float:
-    down, across = _shape(material, room, columns)
-    x0, y0, x1, y1 = room.box_m
-    return min((y1 - y0) / max(x1 - x0, 1e-9) * down / across + 0.1 * down, 2.0)
 
 
 def _starts(figure: Any, material: ReportData, room: PlanDrawing, columns: int) -> None:

@@ -115,6 +115,8 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints, effect: float) -> Leade
     overhead, decision_ms = rows["travel_overhead"][chosen], rows["wall_decision_p50_ms"][chosen]
     error_m = np.where(rows["declared"][chosen], rows["declared_error_m"][chosen], np.nan)
     declares = bool(rows["declared"].any())
+    some = controls if len(controls) else chosen
+    is_false = rows["declared"][some] if len(controls) else rows["n_false_declarations"][some] > 0
     return LeaderboardRow(
         entry=entry,
         rank=0,
@@ -135,7 +137,7 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints, effect: float) -> Leade
         else UNDEFINED,
         spl=bootstrap_cells(np.nan_to_num(rows["spl"][chosen]), cells, clusters=units.clusters, strata=units.stratum),
         overhead=median_with_interval(overhead[np.isfinite(overhead)]),
-        false_alarms=_false_alarms(rows, chosen, controls),
+        false_alarms=rate_over_units(is_false, sampling_units(rows, some)),
         decision_ms=median_with_interval(decision_ms[np.isfinite(decision_ms)]),
         n=len(chosen),
     )
@@ -160,12 +162,6 @@ def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimat
         keys = sorted(places[0])
         return lift(*(success[[place[key] for key in keys]] for place in places), paired=True)
     return lift(success[chosen], success[controls], paired=False)
-
-
-def _false_alarms(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    some = controls if len(controls) else chosen
-    is_false = rows["declared"][some] if len(controls) else rows["n_false_declarations"][some] > 0
-    return rate_over_units(is_false, sampling_units(rows, some))
 
 
 def _normalised(score: Estimate, walker: float | None, oracle: float | None) -> Estimate:

@@ -197,7 +197,8 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None, *,
     table = folder.trial_table()
     mark = mark if mark is not None else find_mark(results_dir)
     entries = _entries(manifest, table, mark)
-    rows = _rows(table, entries)
+    columns = {name: _array(table.column(name)) for name in table.schema.names}
+    rows = TrialRows.of_columns(columns, [entry.name for entry in entries])
     tracks = folder.track_table((*_TRACK_COLUMNS, "gas_ppm") if with_gas else _TRACK_COLUMNS)
     del table
     # What decoding the files took goes back to the system.
@@ -283,11 +284,6 @@ def _text(value: Any) -> str:
     if isinstance(value, str) or value is None:
         return value or ""
     return "+".join(map(str, value)) if isinstance(value, Sequence) else json.dumps(value)
-
-
-def _rows(table: pa.Table, entries: Sequence[ReportEntry]) -> TrialRows:
-    columns = {name: _array(table.column(name)) for name in table.schema.names}
-    return TrialRows.of_columns(columns, [entry.name for entry in entries])
 
 
 def _array(column: pa.ChunkedArray) -> NDArray[Any]:

@@ -52,13 +52,15 @@ def describe_provenance(analysis: Analysis) -> Provenance:
     """Return the facts about a suite that the page states beside the figures."""
     material, manifest = analysis.material, analysis.material.manifest
     dropped = tuple((str(d.get("case", "")), str(d.get("reason", ""))) for d in manifest.get("dropped") or ())
+    rows = analysis.material.rows
+    parts = [(part, float(np.nansum(rows[f"wall_{part}_s"]))) for part in PARTS]
     return Provenance(
         title=str(manifest.get("title") or material.suite.get("title") or material.name),
         question=str(manifest.get("question") or material.suite.get("question") or ""),
         flown=_describe_trials(analysis),
         warnings=tuple(_warnings(analysis)),
         made=tuple(_made(manifest, analysis)),
-        split_s=_split_s(analysis),
+        split_s=tuple(parts) if sum(seconds for _, seconds in parts) > 0 else (),
         dropped=dropped,
     )
 
@@ -169,12 +171,6 @@ def describe_mark(mark: VerificationMark | None) -> str:
     if mark is None or not mark.sample:
         return "no"
     return f"{mark.same} of {mark.sample} trials flown again here gave the same digest, {mark.at}"
-
-
-def _split_s(analysis: Analysis) -> tuple[tuple[str, float], ...]:
-    rows = analysis.material.rows
-    parts = [(part, float(np.nansum(rows[f"wall_{part}_s"]))) for part in PARTS]
-    return tuple(parts) if sum(seconds for _, seconds in parts) > 0 else ()
 
 
 LEADERBOARD_SCHEMA = "gslcosim/leaderboard/1"

@@ -17,10 +17,6 @@ _MAX_LISTED = 4
 
 def describe_validity(analysis: Analysis) -> list[str]:
     """Return sentences on what the figures of a report are worth, none where nothing speaks against them."""
-    return [*_describe_blind_success(analysis), *_describe_warnings(analysis)]
-
-
-def _describe_blind_success(analysis: Analysis) -> list[str]:
     names = [entry.name for entry in analysis.material.entries]
     blind = [i for i, entry in enumerate(analysis.material.entries) if entry.is_blind]
     anchors = {i for i, entry in enumerate(analysis.material.entries) if entry.anchor == "lower"}
@@ -41,7 +37,7 @@ def _describe_blind_success(analysis: Analysis) -> list[str]:
             f"{_percent(rates[best])}: at least as often, to the smallest difference that matters. Take "
             "a smaller success radius, a shorter time limit or a larger room, or let methods declare the source."
         )
-    return found
+    return [*found, *_describe_warnings(analysis)]
 
 
 # Of the best over the blind one, of these two alone: views of many entries have no pairs.

@@ -67,7 +67,17 @@ def find_target(source: str, entry: str, *, repetitions: int | None = None, seed
     """
     if is_scenario(source):
         chosen = find_method_entry(entry, option="--entry")
-        loaded = _suite_around(source, chosen, repetitions=repetitions or REPETITIONS, seed=seed)
+        path = find_scenario(source).resolve()
+        suite = Suite(
+            schema=SCHEMA,
+            name=read_scenario_name(path),
+            seed=1 if seed is None else seed,
+            scenarios=(ScenarioSpec(source=source if source in bundled_scenarios() else str(path)),),
+            repetitions=repetitions or REPETITIONS,
+            entries=(chosen,),
+            anchors=(),
+        )
+        loaded = LoadedSuite(suite=suite, path=path, directory=path.parent, shown_path=source)
     else:
         loaded = load_suite(source, seed=seed, is_flown=True)
         if repetitions is not None:
@@ -80,7 +90,11 @@ def is_scenario(source: str) -> bool:
     """Return whether a name or file is a scenario rather than a suite; a bundled suite goes before a scenario."""
     path = Path(source)
     if path.is_file():
-        return _schema_of(path) != SCHEMA
+        try:
+            text = read_regular_file(path).decode("utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"{path}: expected a file of UTF-8 text, was one that cannot be read.") from error
+        return str((read_yaml(text, source=str(path)).block or {}).get("schema", "")) != SCHEMA
     if path.is_dir() or source in bundled_suites():
         find_suite(source)
         return False
@@ -106,28 +120,6 @@ def with_changed_fields(loaded: LoadedSuite, **values: Any) -> LoadedSuite:
         same = {"repetitions": None, "seeds": None}
         values = {"scenarios": tuple(spec.model_copy(update=same) for spec in loaded.suite.scenarios), **values}
     return replace(loaded, suite=loaded.suite.model_copy(update=values), included=included)
-
-
-def _schema_of(path: Path) -> str:
-    try:
-        text = read_regular_file(path).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: expected a file of UTF-8 text, was one that cannot be read.") from error
-    return str((read_yaml(text, source=str(path)).block or {}).get("schema", ""))
-
-
-def _suite_around(source: str, entry: EntrySpec, *, repetitions: int, seed: int | None) -> LoadedSuite:
-    path = find_scenario(source).resolve()
-    suite = Suite(
-        schema=SCHEMA,
-        name=read_scenario_name(path),
-        seed=1 if seed is None else seed,
-        scenarios=(ScenarioSpec(source=source if source in bundled_scenarios() else str(path)),),
-        repetitions=repetitions,
-        entries=(entry,),
-        anchors=(),
-    )
-    return LoadedSuite(suite=suite, path=path, directory=path.parent, shown_path=source)
 
 
 def _entry_in(loaded: LoadedSuite, name: str) -> EntrySpec:

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
+from gslcosim.base.errors import UsageError, build_machine_error, find_remedy
 from gslcosim.base.method_names import join_methods
 from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.completion_words import find_separated
@@ -55,7 +55,17 @@ def write_chosen(arguments: argparse.Namespace, draw: Callable[..., Sequence[Pat
 
     names = _words("--figure", arguments.figure, FIGURES) if arguments.figure else ()
     formats = _words("--format", arguments.format, FORMATS)
-    written = draw(_made(arguments.out), names=names, formats=formats, columns=arguments.columns)
+    try:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise build_machine_error(
+            error,
+            "--out",
+            "a folder that can be written",
+            path=arguments.out,
+            remedy=f"{find_remedy(error)} --out chooses another.",
+        ) from error
+    written = draw(arguments.out, names=names, formats=formats, columns=arguments.columns)
     if arguments.json:
         write_json([str(path) for path in written])
     else:
@@ -70,24 +80,6 @@ def _words(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
     if wrong is not None or not words:
         raise UsageError(f"{option}: expected some of {', '.join(known)}, was '{wrong or text}'.")
     return words
-
-
-def _made(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _cannot_make(folder, error) from error
-    return folder
-
-
-def _cannot_make(folder: Path, error: OSError) -> MachineError:
-    return build_machine_error(
-        error,
-        "--out",
-        "a folder that can be written",
-        path=folder,
-        remedy=f"{find_remedy(error)} --out chooses another.",
-    )
 
 
 def _draw_runs(arguments: argparse.Namespace, folder: Path, **options: Any) -> list[Path]:

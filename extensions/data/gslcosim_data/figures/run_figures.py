@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -155,8 +156,8 @@ class RunFigure:
 
     title: str
     aspect: float | None
-    lacks: Callable[[RunData], str]
     draw: Callable[[Any, RunData, int], None]
+    lacks: Callable[[RunData], str] = lambda run: ""
 
 
 def draw_run(run: RunData, name: str, *, columns: int = 1) -> Any:
@@ -215,9 +216,7 @@ def draw_runs(runs: Mapping[str, RunData], name: str, *, columns: int = 1) -> An
             "Draw them one by one, or their distances: --figure distance."
         )
     figure = new_figure(columns, _plan_aspect(first, columns))
-    axes = figure.subplots()
-    _with_gas_bar(figure, axes, plans.tracks_of_runs(axes, runs))
-    _legend(figure, columns)
+    _draw_with_gas(figure, runs, columns, draw=plans.tracks_of_runs)
     return figure
 
 
@@ -276,20 +275,12 @@ def _legend(figure: Any, columns: int) -> None:
         figure.legend(handles, labels, loc="outside lower center", ncols=n, handlelength=2.2, columnspacing=1.2)
 
 
-def _with_gas_bar(figure: Any, axes: Any, image: Any) -> None:
+# What is drawn in the room has a bar of the gas beside it and a legend below.
+def _draw_with_gas(figure: Any, run: Any, columns: int, *, draw: Callable[[Any, Any], Any]) -> None:
+    axes = figure.subplots()
+    image = draw(axes, run)
     if image is not None:
         figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, label="mixing ratio [ppm]").outline.set_linewidth(0.4)
-
-
-def _draw_track(figure: Any, run: RunData, columns: int) -> None:
-    axes = figure.subplots()
-    _with_gas_bar(figure, axes, plans.ground_track(axes, run))
-    _legend(figure, columns)
-
-
-def _draw_swarm(figure: Any, run: RunData, columns: int) -> None:
-    axes = figure.subplots()
-    _with_gas_bar(figure, axes, plans.swarm_tracks(axes, run))
     _legend(figure, columns)
 
 
@@ -322,12 +313,6 @@ def _draw_wind(figure: Any, run: RunData, columns: int) -> None:
     figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, label="speed [m/s]").outline.set_linewidth(0.4)
 
 
-def _draw_gas_section(figure: Any, run: RunData, columns: int) -> None:
-    axes = figure.subplots()
-    _with_gas_bar(figure, axes, plans.gas_section(axes, run))
-    _legend(figure, columns)
-
-
 def _draw_belief(figure: Any, run: RunData, columns: int) -> None:
     agent = next(iter(run.beliefs))
     n = len(run.beliefs[agent].tick)
@@ -350,26 +335,22 @@ def _draw_belief(figure: Any, run: RunData, columns: int) -> None:
         curve.axvline(run.beliefs[agent].time_s[i], color=INK, lw=0.5, ls=(0, (1, 2)))
 
 
-def _nothing(run: RunData) -> str:
-    del run
-    return ""
-
-
 RUN_FIGURES: Mapping[str, RunFigure] = {
     "track": RunFigure(
-        title="ground track over plan and gas", aspect=None, lacks=_nothing, draw=_draw_track,
+        title="ground track over plan and gas", aspect=None, draw=partial(_draw_with_gas, draw=plans.ground_track),
     ),
-    "distance": RunFigure(title="distance to the source over time", aspect=0.68, lacks=_nothing, draw=_draw_distance),
+    "distance": RunFigure(title="distance to the source over time", aspect=0.68, draw=_draw_distance),
     "gas": RunFigure(
         title="true mixing ratio at the sensor, and what it reported", aspect=0.8,
         lacks=lambda run: "" if any(one.quantity == MIXING_RATIO.name for one in run.samples) else "a gas sensor",
         draw=_draw_gas,
     ),
-    "track_3d": RunFigure(title="track in space", aspect=0.85, lacks=_nothing, draw=_draw_track_3d),
-    "wind": RunFigure(title="sections through the wind", aspect=1.25, lacks=_nothing, draw=_draw_wind),
+    "track_3d": RunFigure(title="track in space", aspect=0.85, draw=_draw_track_3d),
+    "wind": RunFigure(title="sections through the wind", aspect=1.25, draw=_draw_wind),
     "gas_section": RunFigure(
         title="vertical section through the gas", aspect=0.72,
-        lacks=lambda run: "" if len(run.filaments.tick) else "filaments of gas", draw=_draw_gas_section,
+        lacks=lambda run: "" if len(run.filaments.tick) else "filaments of gas",
+        draw=partial(_draw_with_gas, draw=plans.gas_section),
     ),
     "belief": RunFigure(
         title="belief over time", aspect=None,
@@ -377,7 +358,8 @@ RUN_FIGURES: Mapping[str, RunFigure] = {
     ),
     "swarm": RunFigure(
         title="tracks of a swarm", aspect=None,
-        lacks=lambda run: "" if len(run.agents) > 1 else "several agents", draw=_draw_swarm,
+        lacks=lambda run: "" if len(run.agents) > 1 else "several agents",
+        draw=partial(_draw_with_gas, draw=plans.swarm_tracks),
     ),
 }  # fmt: skip
 """Figures of one run, by name."""

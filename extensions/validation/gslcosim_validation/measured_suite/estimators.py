@@ -167,7 +167,11 @@ class KernelDmvw(EventEstimator):
         """Return the place of the largest variance."""
         sensors_m = self.site.sensors_m
         grid = _grid_about(sensors_m)
-        apart_m = _typical_distance_m(sensors_m)
+        # Median of the distances from each sensor to its nearest neighbour.
+        between_m = np.hypot(*(sensors_m[:, None, :2] - sensors_m[None, :, :2]).transpose(2, 0, 1))
+        np.fill_diagonal(between_m, np.inf)
+        nearest_m = between_m.min(axis=1)
+        apart_m = max(float(np.median(nearest_m)), 1.0) if np.isfinite(nearest_m).all() else 10.0
         gas = KernelMap(grid, KernelWidths(sigma_m=0.5 * apart_m, stretch_s=0.1 * apart_m))
         for i in range(event.first, event.last + 1):
             for k, above_ppm in enumerate(excess.above_ppm[i]):
@@ -308,14 +312,6 @@ def _grid_about(sensors_m: Floats) -> CellGrid:
     cell_m = max(high_m[0] - low_m[0], high_m[1] - low_m[1]) / 60.0
     shape = tuple(math.ceil((high_m[a] - low_m[a]) / cell_m) for a in range(2))
     return CellGrid((low_m[0], low_m[1]), cell_m, shape)
-
-
-# Median of the distances from each sensor to its nearest neighbour.
-def _typical_distance_m(sensors_m: Floats) -> float:
-    between_m = np.hypot(*(sensors_m[:, None, :2] - sensors_m[None, :, :2]).transpose(2, 0, 1))
-    np.fill_diagonal(between_m, np.inf)
-    nearest_m = between_m.min(axis=1)
-    return max(float(np.median(nearest_m)), 1.0) if np.isfinite(nearest_m).all() else 10.0
 
 
 def split_into_blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int64]]:

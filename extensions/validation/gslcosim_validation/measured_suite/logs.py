@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -58,11 +58,11 @@ class LogSite:
 
     sensors: SensorPaths
     names: tuple[str, ...]
-    places_m: Mapping[str, Floats]
-    source_height_m: float
     period_s: float
-    finds_events: bool
-    wind_height_m: float
+    places_m: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
+    source_height_m: float = math.nan
+    finds_events: bool = False
+    wind_height_m: float = math.nan
 
     @property
     def has_points(self) -> bool:
@@ -232,11 +232,7 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
     site = LogSite(
         sensors=SensorPaths.of_beams(np.array(paths.instrument_m), paths.reflectors_m),
         names=tuple(f"beam_{i + 1}" for i in range(len(paths.reflectors_m))),
-        places_m={},
-        source_height_m=math.nan,
         period_s=LASER_PERIOD_S,
-        finds_events=False,
-        wind_height_m=math.nan,
     )
     releases = tuple(
         TrueRelease(
@@ -274,15 +270,7 @@ def _case_of_room(measured: MeasuredSet, room: RoomSensors) -> LogCase:
         np.full(n, np.nan),
         np.repeat(np.arange(len(parts)), [len(each) for each in start_s]),
     )
-    site = LogSite(
-        sensors=SensorPaths.of_points(room.positions_m),
-        names=room.sensors,
-        places_m={},
-        source_height_m=math.nan,
-        period_s=ROOM_PERIOD_S,
-        finds_events=False,
-        wind_height_m=math.nan,
-    )
+    site = LogSite(sensors=SensorPaths.of_points(room.positions_m), names=room.sensors, period_s=ROOM_PERIOD_S)
     releases = tuple(
         TrueRelease(
             name=f"experiment={experiment.number}",

@@ -1,14 +1,15 @@
 """Estimators of rooms: the place of one of the sensors, by when it rises, how lively it is, or how much it reads."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim_validation.cases.room_sensors import compute_sensor_figures
 from gslcosim_validation.measured_suite.estimators import FLOOR, Claim, Entry, HindsightEstimator, is_room
-from gslcosim_validation.measured_suite.logs import MeasuredLog
+from gslcosim_validation.measured_suite.logs import LogSite, MeasuredLog
 
 Floats = NDArray[np.float64]
 
@@ -17,7 +18,17 @@ QUIET_S = 240.0
 
 
 class SensorChoice(HindsightEstimator):
-    """Base of estimators that name the place of one sensor for each experiment."""
+    """Estimator that names the place of one sensor for each experiment.
+
+    Args:
+        site: The room.
+        rate: From times (n,) [s] and readings (n, k) [ppm] of an experiment to (k,) how much speaks for each sensor,
+            nan where nothing can be said.
+    """
+
+    def __init__(self, site: LogSite, rate: Callable[[Floats, Floats], Floats]) -> None:
+        super().__init__(site)
+        self._rate = rate
 
     def claims(self, log: MeasuredLog) -> Sequence[Claim]:
         """Return a claim for each experiment; without a place where no sensor has what is looked for."""
@@ -30,7 +41,7 @@ class SensorChoice(HindsightEstimator):
                 # Of a sensor that never read anything nothing can be said, and numpy need not warn.
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", RuntimeWarning)
-                    merit = self.rate_sensors(time_s, log.readings_ppm[rows])
+                    merit = self._rate(time_s, log.readings_ppm[rows])
             position_m = None
             if np.isfinite(merit).any():
                 x_m, y_m, _ = self.site.sensors_m[int(np.nanargmax(merit))]
@@ -39,41 +50,28 @@ class SensorChoice(HindsightEstimator):
             claims.append(Claim(start_s=start_s, end_s=end_s, position_m=position_m, source=int(source)))
         return claims
 
-    def rate_sensors(self, time_s: Floats, readings_ppm: Floats) -> Floats:
-        """Return (k,) how much speaks for each sensor, nan where nothing can be said."""
-        raise NotImplementedError
+
+def rate_mean(time_s: Floats, readings_ppm: Floats) -> Floats:
+    """Return the means above the baselines."""
+    base = np.nanmean(readings_ppm[time_s < QUIET_S], axis=0)
+    return np.asarray(np.nanmean(readings_ppm, axis=0) - base)
 
 
-class LargestMean(SensorChoice):
-    """The sensor with the largest mean above its baseline."""
-
-    def rate_sensors(self, time_s: Floats, readings_ppm: Floats) -> Floats:
-        """Return the means; see `SensorChoice`."""
-        base = np.nanmean(readings_ppm[time_s < QUIET_S], axis=0)
-        return np.asarray(np.nanmean(readings_ppm, axis=0) - base)
+def rate_onset(time_s: Floats, readings_ppm: Floats) -> Floats:
+    """Return the times of first gas, each by the sensor's own high readings, the earliest largest."""
+    return -compute_sensor_figures(time_s, readings_ppm, quiet_until_s=QUIET_S).onset_s
 
 
-class FirstSensor(SensorChoice):
-    """The sensor that sees gas first, each by its own high readings."""
-
-    def rate_sensors(self, time_s: Floats, readings_ppm: Floats) -> Floats:
-        """Return the times of first gas, the earliest largest; see `SensorChoice`."""
-        return -compute_sensor_figures(time_s, readings_ppm, quiet_until_s=QUIET_S).onset_s
-
-
-class LiveliestSensor(SensorChoice):
-    """The sensor whose readings vary most about their trend, for their level: near a source gas comes in whiffs."""
-
-    def rate_sensors(self, time_s: Floats, readings_ppm: Floats) -> Floats:
-        """Return the intensities; see `SensorChoice`."""
-        return compute_sensor_figures(time_s, readings_ppm, quiet_until_s=QUIET_S).intensity
+def rate_intensity(time_s: Floats, readings_ppm: Floats) -> Floats:
+    """Return how much readings vary about their trend, for their level: near a source gas comes in whiffs."""
+    return compute_sensor_figures(time_s, readings_ppm, quiet_until_s=QUIET_S).intensity
 
 
 ROOM_ENTRIES = tuple(
-    Entry(name=name, title=title, family=family, build=build, can_take=is_room)
-    for name, title, family, build in (
-        ("liveliest_sensor", "Liveliest sensor: the largest deviation for its level", "reactive", LiveliestSensor),
-        ("first_sensor", "First sensor: the earliest rise", "reactive", FirstSensor),
-        (FLOOR, "Nearest sensor: the largest mean reading", "reactive", LargestMean),
+    Entry(name=name, title=title, family="reactive", build=partial(SensorChoice, rate=rate), can_take=is_room)
+    for name, title, rate in (
+        ("liveliest_sensor", "Liveliest sensor: the largest deviation for its level", rate_intensity),
+        ("first_sensor", "First sensor: the earliest rise", rate_onset),
+        (FLOOR, "Nearest sensor: the largest mean reading", rate_mean),
     )
 )

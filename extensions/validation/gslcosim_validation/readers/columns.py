@@ -95,7 +95,11 @@ class Columns:
         bad = np.flatnonzero(~np.isfinite(values) & ~is_empty)
         if len(bad):
             raise self.error(name, int(bad[0]), "a finite number", texts[int(bad[0])], remedy)
-        fills = np.flatnonzero(_find_fills(name, values))
+        is_fill = np.isin(values, _FILLS) | (np.abs(values) > _MAX_MEASURED)
+        below = set(values[(values < 0.0) & ~is_fill].tolist())
+        if name.endswith(_RARELY_BELOW_0) and len(below) == 1 and below <= _SMALL_FILLS:
+            is_fill |= values < 0.0
+        fills = np.flatnonzero(is_fill)
         if len(fills):
             i = int(fills[0])
             found = f"{texts[i]}, which stands for none, in {len(fills)} of {len(texts)} rows"
@@ -207,14 +211,6 @@ def _without_unit(name: str) -> tuple[str, ...]:
     while len(parts) > 1 and parts[-1] in _UNIT_WORDS:
         parts.pop()
     return tuple(parts)
-
-
-def _find_fills(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    is_fill = np.isin(values, _FILLS) | (np.abs(values) > _MAX_MEASURED)
-    below = set(values[(values < 0.0) & ~is_fill].tolist())
-    if name.endswith(_RARELY_BELOW_0) and len(below) == 1 and below <= _SMALL_FILLS:
-        is_fill |= values < 0.0
-    return is_fill
 
 
 def _is_number(text: str) -> bool:
