@@ -260,3 +260,16 @@ def _manifest(plan: Plan, n_planned: int) -> dict:
                  "busy_share": 0.95, "jobs": 2},
         "recordings": {},
     }  # fmt: skip
+
+
+def unpack_track(text: str, quanta: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times [s] and places [m] of a track as pages have it."""
+    values, value, shift = [], 0, 0
+    for byte in base64.b64decode(text):
+        value |= (byte & 127) << shift
+        shift += 7
+        if byte < 128:
+            values.append(-(value + 1) // 2 if value % 2 else value // 2)
+            value = shift = 0
+    points = np.cumsum(np.array(values).reshape(-1, 3), axis=0)
+    return points[:, 0] * quanta[0], points[:, 1:] * quanta[1]

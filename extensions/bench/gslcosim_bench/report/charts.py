@@ -128,7 +128,8 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
     if view.beliefs.get("mass"):
         at = ChartAxis(label="time [s]", name="at", low=0.0, high=limit_s, format="seconds")
         distances = view.beliefs["distance"]
-        highest_m = max((float(np.nanmax(line.high, initial=0.0)) for line in distances), default=0.0)
+        highs = (line.high for line in distances if line.high is not None)
+        highest_m = max((float(np.nanmax(high, initial=0.0)) for high in highs), default=0.0)
         charts["beliefs"] = LineChart(
             title="Probability within the success radius over time", x=at,
             y=_share("probability within the radius [%]"), lines=view.beliefs["mass"],

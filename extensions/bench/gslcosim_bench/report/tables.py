@@ -1,7 +1,6 @@
 """Tables of the report for other programs, and the provenance of results in words."""
 
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -405,14 +404,8 @@ def _json_row(analysis: Analysis, view: ReportView, row: LeaderboardRow) -> dict
         "n": row.n, "beats": [names[i] for i in find_beaten(view, row.entry)] if view.pairs else None,
         "same_as": [names[i] for i in find_same(view, row.entry)] if view.pairs else None,
     }  # fmt: skip
-    return facts | {name: _json_figure(getattr(row, name)) for name in FIGURES}
-
-
-def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
-    if not math.isfinite(estimate.value):
-        return None
-    low, high = (end if math.isfinite(end) else None for end in (estimate.low, estimate.high))
-    return {"value": estimate.value, "low": low, "high": high, "n": estimate.n}
+    figures = {name: getattr(row, name).to_fields() for name in FIGURES}
+    return facts | {name: None if fields["value"] is None else fields for name, fields in figures.items()}
 
 
 def write_summary(analysis: Analysis) -> str:

@@ -4,7 +4,7 @@ import hashlib
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sized
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -36,6 +36,10 @@ class Estimate:
     low: float
     high: float
     n: int
+
+    def to_fields(self) -> dict[str, float | int | None]:
+        """Return the estimate as JSON has it: what is undefined or infinite is None."""
+        return {key: value if math.isfinite(value) else None for key, value in asdict(self).items()}
 
     @property
     def holds_zero(self) -> bool:

@@ -42,14 +42,14 @@ def failures_to_json(search: FailureSearch) -> dict[str, Any]:
         "n_runs": search.n_runs,
         "n_cases": len(search.outcomes),
         "n_random": len(search.random),
-        "failure_rate": _interval(search.failure_rate),
+        "failure_rate": search.failure_rate.to_fields(),
         "factors": [{"name": factor.name, "paths": list(factor.paths)} for factor in search.space.factors],
         "contrasts": [
             {
                 "factor": each.factor,
                 "level": each.level,
-                "failures": _interval(each.rate),
-                "elsewhere": _interval(each.other),
+                "failures": each.rate.to_fields(),
+                "elsewhere": each.other.to_fields(),
                 "p": each.p,
             }
             for each in search.contrasts
@@ -74,10 +74,6 @@ def failures_to_json(search: FailureSearch) -> dict[str, Any]:
             for each in search.failures
         ],
     }
-
-
-def _interval(estimate: Estimate) -> dict[str, float | int]:
-    return {"value": estimate.value, "low": estimate.low, "high": estimate.high, "n": estimate.n}
 
 
 def describe_levels(search: FailureSearch, outcome: CaseOutcome) -> dict[str, str]:

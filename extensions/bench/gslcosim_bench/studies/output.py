@@ -146,12 +146,10 @@ def _figure_fields(figures: SettingFigures) -> dict[str, Any]:
     }
 
 
-# JSON knows no nan: what is undefined is null.
 def _estimate_fields(estimate: Estimate | None) -> dict[str, float | None] | None:
     if estimate is None:
         return None
-    parts = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-    return {key: value if math.isfinite(value) else None for key, value in parts.items()}
+    return {key: value for key, value in estimate.to_fields().items() if key != "n"}
 
 
 def _heads(name: str) -> list[str]:

@@ -389,11 +389,7 @@ class PatrolAgent(EventEstimator):
         if not self.site.places_m:
             x_m, y_m = mean_of_best_m(p, grid)[:2]
             return x_m, y_m
-        places_m = np.array([place_m[:2] for place_m in self.site.places_m.values()])
-        apart_m = np.hypot(*(grid.centres_m()[:, None, :2] - places_m[None]).transpose(2, 0, 1))
-        share = np.bincount(apart_m.argmin(axis=1), p.reshape(-1), len(places_m))
-        x_m, y_m = (float(x) for x in places_m[int(share.argmax())])
-        return x_m, y_m
+        return self.site.find_likeliest_m(grid.centres_m()[:, :2], p.reshape(-1))
 
 
 class CarriedSensorsAgent(HindsightEstimator):
@@ -451,16 +447,14 @@ class CarriedSensorsAgent(HindsightEstimator):
         assert command.declaration is not None
         x_m, y_m, _ = command.declaration.position_world_m
         said = dict(command.note.values) if command.note else {}
-        begin_s, places_m = float(log.start_s[0]), self.site.places_m
-        place = min(places_m, key=lambda name: math.dist(places_m[name][:2], (x_m, y_m))) if places_m else None
-        if place is not None:
-            x_m, y_m = (float(x) for x in places_m[place][:2])
+        begin_s = float(log.start_s[0])
+        place, place_m = self.site.snap(x_m, y_m)
         end_s = said.get(END_NOTE, now_s)
         return Claim(
             start_s=begin_s + min(said.get(START_NOTE, now_s), end_s),
             end_s=begin_s + end_s,
             place=place,
-            position_m=(x_m, y_m),
+            position_m=place_m,
             rate_kg_s=said.get(RATE_NOTE, math.nan) / float(log.gas_m3_per_kg[min(row, len(log.start_s) - 1)]),
         )
 

@@ -118,12 +118,8 @@ class EventEstimator(HindsightEstimator):
 
     def claim_at(self, event: LeakEvent, position_m: Sequence[float], rate_kg_s: float = math.nan) -> Claim:
         """Return the claim of a position: where there are candidate places, the nearest of them."""
-        x_m, y_m = float(position_m[0]), float(position_m[1])
-        places_m = self.site.places_m
-        place = min(places_m, key=lambda name: math.dist(places_m[name][:2], (x_m, y_m))) if places_m else None
-        if place is not None:
-            x_m, y_m = (float(x) for x in places_m[place][:2])
-        return Claim(start_s=event.start_s, end_s=event.end_s, place=place, position_m=(x_m, y_m), rate_kg_s=rate_kg_s)
+        place, place_m = self.site.snap(position_m[0], position_m[1])
+        return Claim(start_s=event.start_s, end_s=event.end_s, place=place, position_m=place_m, rate_kg_s=rate_kg_s)
 
     @property
     def source_height_m(self) -> float:
@@ -221,10 +217,7 @@ class SourceTerms(EventEstimator):
         rate_kg_s = mean["rate"] * 1e-6 / gas_m3_per_kg
         if not self.site.places_m:
             return self.claim_at(event, (mean["x_m"], mean["y_m"]), rate_kg_s)
-        places_m = np.array([place_m[:2] for place_m in self.site.places_m.values()])
-        nearest = np.hypot(*(terms.terms[:, None, :2] - places_m[None]).transpose(2, 0, 1)).argmin(axis=1)
-        share = np.bincount(nearest, weights, len(places_m))
-        return self.claim_at(event, places_m[int(share.argmax())], rate_kg_s)
+        return self.claim_at(event, self.site.find_likeliest_m(terms.terms[:, :2], weights), rate_kg_s)
 
 
 @dataclass(frozen=True, kw_only=True)

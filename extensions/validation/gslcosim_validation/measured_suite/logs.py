@@ -74,6 +74,20 @@ class LogSite:
         """(k, 3) places of point sensors, and the middles of paths [m]."""
         return self.sensors.points_m.mean(axis=1)
 
+    def snap(self, x_m: float, y_m: float) -> tuple[str | None, tuple[float, float]]:
+        """Return the candidate place nearest to a point, and where it is [m]; None and the point without candidates."""
+        if not self.places_m:
+            return None, (float(x_m), float(y_m))
+        name = min(self.places_m, key=lambda name: math.dist(self.places_m[name][:2], (x_m, y_m)))
+        return name, (float(self.places_m[name][0]), float(self.places_m[name][1]))
+
+    def find_likeliest_m(self, points_m: Floats, weights: Floats) -> tuple[float, float]:
+        """Return the candidate place with most of the weight of (n, 2) points nearest to it [m]."""
+        places_m = np.array([place_m[:2] for place_m in self.places_m.values()])
+        nearest = np.hypot(*(points_m[:, None] - places_m[None]).transpose(2, 0, 1)).argmin(axis=1)
+        x_m, y_m = places_m[int(np.bincount(nearest, weights, len(places_m)).argmax())].tolist()
+        return x_m, y_m
+
 
 @dataclass(frozen=True)
 class LogRow:

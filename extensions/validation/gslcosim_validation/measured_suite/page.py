@@ -52,14 +52,7 @@ def compute_figures(result: "LogResult") -> dict[str, Any]:
 
 def to_json(figures: dict[str, Any]) -> dict[str, Any]:
     """Return figures as JSON has them: `{"value", "low", "high", "n"}`, null for what is undefined."""
-
-    def plain(value: Any) -> Any:
-        if not isinstance(value, Estimate):
-            return value
-        ends = {"value": value.value, "low": value.low, "high": value.high}
-        return {key: end if math.isfinite(end) else None for key, end in ends.items()} | {"n": value.n}
-
-    return {key: plain(value) for key, value in figures.items()}
+    return {key: each.to_fields() if isinstance(each, Estimate) else each for key, each in figures.items()}
 
 
 def table_rows(results: Sequence["LogResult"]) -> list[tuple[str, ...]]:

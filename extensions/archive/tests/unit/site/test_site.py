@@ -1,6 +1,5 @@
 """The site of results: pages whose links lead somewhere, names that are only names, and tracks as they were flown."""
 
-import base64
 import json
 import re
 from dataclasses import replace
@@ -118,7 +117,7 @@ def test_a_case_has_all_its_flights_as_they_were_flown(foreign):
     for data in shown:
         assert data["name"].endswith(NASTY)
         for flight in data["flights"][:4]:
-            t_s, xy_m = decoded(flight[8][0])
+            t_s, xy_m = synthetic.unpack_track(flight[8][0], QUANTA)
             flown = next(track for trial, track in tracks.items() if trial.startswith(flight[0]))
             for axis, key in enumerate(("x_m", "y_m")):
                 off = np.interp(flown["t_s"], t_s, xy_m[:, axis]) - np.array(flown[key])
@@ -140,25 +139,13 @@ def test_a_repetition_with_a_source_of_its_own_shows_that_one_without_the_mapped
     assert sorted(path.stem for path in (tmp_path / "site" / "plans").iterdir()) == sorted(pictures)
 
 
-def decoded(text):
-    values, value, shift = [], 0, 0
-    for byte in base64.b64decode(text):
-        value |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            values.append(-(value + 1) // 2 if value % 2 else value // 2)
-            value = shift = 0
-    points = np.cumsum(np.array(values).reshape(-1, 3), axis=0)
-    return points[:, 0] * QUANTA[0], points[:, 1:] * QUANTA[1]
-
-
 def test_a_track_is_off_by_no_more_than_its_tolerance_at_any_time():
     rng = np.random.default_rng(3)
     t_s = np.arange(300.0)
     xy_m = np.cumsum(rng.normal(0.0, 0.3, (300, 2)), axis=0)
     track = AgentTrack(t_s=t_s, xy_m=xy_m, gas_ppm=np.zeros(300))
     for tolerance_m in (0.1, 0.8):
-        kept_s, kept_m = decoded(track.pack(tolerance_m))
+        kept_s, kept_m = synthetic.unpack_track(track.pack(tolerance_m), QUANTA)
         shown_m = np.stack([np.interp(t_s, kept_s, kept_m[:, axis]) for axis in (0, 1)], axis=1)
         assert np.hypot(*(shown_m - xy_m).T).max() <= tolerance_m + QUANTA[1]
     assert len(track.pack(0.8)) < 0.3 * len(track.pack(0.1))

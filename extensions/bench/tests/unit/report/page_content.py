@@ -1,11 +1,8 @@
 """What stands on a page, read back from its HTML."""
 
-import base64
 import json
 import re
 from html.parser import HTMLParser
-
-import numpy as np
 
 
 class Page(HTMLParser):
@@ -58,16 +55,3 @@ class Page(HTMLParser):
 def data_of(html: str) -> dict:
     """Return the JSON that the page's plots are drawn from."""
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
-
-
-def unpack(text: str, quanta: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times [s] and places [m] of a packed track."""
-    values, value, shift = [], 0, 0
-    for byte in base64.b64decode(text):
-        value |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            values.append(-(value + 1) // 2 if value % 2 else value // 2)
-            value = shift = 0
-    points = np.cumsum(np.array(values).reshape(-1, 3), axis=0)
-    return points[:, 0] * quanta[0], points[:, 1:] * quanta[1]

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import synthetic
-from page_content import Page, data_of, unpack
+from page_content import Page, data_of
 
 from gslcosim.base.errors import UsageError
 from gslcosim_bench.report.writer import write_report
@@ -94,7 +94,7 @@ def test_tracks_begin_and_end_where_they_did(usual):
     tracks = {row["trial"]: row for row in pq.read_table(usual / "tracks.parquet").to_pylist()}
     assert len(data["tracks"]) > 100
     for shown in data["tracks"][:50]:
-        _, xy_m = unpack(shown["packed"], data["quanta"])
+        _, xy_m = synthetic.unpack_track(shown["packed"], data["quanta"])
         flown = tracks[shown["id"]]
         for axis, key in enumerate(("x_m", "y_m")):
             assert xy_m[[0, -1], axis] == pytest.approx([flown[key][0], flown[key][-1]], abs=data["quanta"][1])
@@ -175,95 +175,32 @@ def test_tables_read_back(usual):
     assert {row["better"] for row in pairs} <= {"", *(row["entry"] for row in board.values())}
 
 
-FIGURE = {
-    "oneOf": [
-        {"type": "null"},
-        {
-            "type": "object",
-            "required": ["value", "low", "high", "n"],
-            "additionalProperties": False,
-            "properties": {
-                "value": {"type": "number"},
-                "low": {"type": ["number", "null"]},
-                "high": {"type": ["number", "null"]},
-                "n": {"type": "integer", "minimum": 1},
-            },
-        },
-    ]
-}
-FIGURES = [
-    "score",
-    "worst",
-    "normalised",
-    "success",
-    "declared_05",
-    "declared_1",
-    "declared_2",
-    "lift",
-    "time_s",
-    "spl",
-    "overhead",
-    "false_alarms",
-    "decision_ms",
-]
-LEADERBOARD = {
-    "type": "object",
-    "required": [
-        "schema",
-        "suite",
-        "suite_hash",
-        "complete",
-        "n_trials",
-        "n_planned",
-        "verified",
-        "views",
-        "conclusions",
-        "smallest_difference_points",
-    ],
-    "properties": {
-        "schema": {"const": "gslcosim/leaderboard/1"},
-        "smallest_difference_points": {"type": "number", "exclusiveMinimum": 0},
-        "conclusions": {
-            "required": ["holds", "limits"],
-            "additionalProperties": {"type": "array", "items": {"type": "string", "minLength": 1}},
-        },
-        "views": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "required": ["key", "kind", "label", "drawn", "n_rooms", "n_plumes", "rows"],
-                "properties": {
-                    "drawn": {"enum": ["rooms", "plumes", "flights"]},
-                    "rows": {
-                        "type": "array",
-                        "items": {
-                            "type": "object",
-                            "required": [
-                                "rank",
-                                "last_rank",
-                                "entry",
-                                "knows",
-                                "anchor",
-                                "agent_hash",
-                                "n",
-                                "beats",
-                                "same_as",
-                                *FIGURES,
-                            ],
-                            "properties": {
-                                "rank": {"type": "integer", "minimum": 1},
-                                "last_rank": {"type": "integer", "minimum": 1},
-                                "beats": {"type": ["array", "null"]},
-                                "same_as": {"type": ["array", "null"]},
-                            }
-                            | dict.fromkeys(FIGURES, FIGURE),
-                        },
-                    },
-                },
-            },
-        },
-    },
-}
+def record(required, **properties):
+    return {"type": "object", "required": required.split(), "properties": properties}
+
+
+FIGURES = (
+    "score worst normalised success declared_05 declared_1 declared_2 lift time_s spl overhead false_alarms decision_ms"
+)
+END = {"type": ["number", "null"]}
+FIGURE = record("value low high n", value={"type": "number"}, low=END, high=END, n={"type": "integer", "minimum": 1})
+PLACE, NAMES = {"type": "integer", "minimum": 1}, {"type": ["array", "null"]}
+ROW = record(
+    f"rank last_rank entry knows anchor agent_hash n beats same_as {FIGURES}",
+    rank=PLACE, last_rank=PLACE, beats=NAMES, same_as=NAMES,
+    **{name: {"oneOf": [{"type": "null"}, FIGURE | {"additionalProperties": False}]} for name in FIGURES.split()},
+)  # fmt: skip
+SENTENCES = {"type": "array", "items": {"type": "string", "minLength": 1}}
+LEADERBOARD = record(
+    "schema suite suite_hash complete n_trials n_planned verified views conclusions smallest_difference_points",
+    schema={"const": "gslcosim/leaderboard/1"},
+    smallest_difference_points={"type": "number", "exclusiveMinimum": 0},
+    conclusions=record("holds limits") | {"additionalProperties": SENTENCES},
+    views={"type": "array", "items": record(
+        "key kind label drawn n_rooms n_plumes rows",
+        drawn={"enum": ["rooms", "plumes", "flights"]}, rows={"type": "array", "items": ROW},
+    )},
+)  # fmt: skip
 
 
 def test_leaderboard_for_programs_keeps_its_schema(usual):
