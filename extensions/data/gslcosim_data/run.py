@@ -1,9 +1,9 @@
 """A run read back as arrays; `gslcosim_data.open_run` opens it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,14 @@ from gslcosim_data.streams import (
     RecordedTrack,
 )
 from gslcosim_services.recorder.entities import build_entities, source_events
-from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS
+from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS, Stream
 
 if TYPE_CHECKING:
     import pyarrow as pa
     import xarray as xr
+
+
+T = TypeVar("T")
 
 
 def open_run(path: Path | str) -> "RunData":
@@ -147,6 +150,15 @@ class RunData:
         logged = self._past.commands
         return {name: tuple(command for _, command in sorted(logged.get(name, {}).items())) for name in self._agents}
 
+    def _of_agents(self, read: Callable[..., Iterable[T]], **options: Any) -> tuple[T, ...]:
+        return tuple(
+            one for names in self._agents.values() for one in read(self._rows, self.scenario, names, **options)
+        )
+
+    def _read_points(self, stream: Stream) -> Mapping[str, RecordedPoints]:
+        places = {name: names.at(stream) for name, names in self._agents.items()}
+        return {name: streams.read_points(self._rows, self.scenario, entity) for name, entity in places.items()}
+
     @cached_property
     def tracks(self) -> Mapping[str, RecordedTrack]:
         """By agent where its vehicle was."""
@@ -155,23 +167,17 @@ class RunData:
     @cached_property
     def samples(self) -> tuple[RecordedSeries, ...]:
         """The truth at all sensors of gas and wind."""
-        return tuple(
-            one for names in self._agents.values() for one in streams.read_samples(self._rows, self.scenario, names)
-        )
+        return self._of_agents(streams.read_samples)
 
     @cached_property
     def readings(self) -> tuple[RecordedSeries, ...]:
         """Readings of all sensors, as far as they are numbers."""
-        return tuple(
-            one for names in self._agents.values() for one in streams.read_readings(self._rows, self.scenario, names)
-        )
+        return self._of_agents(streams.read_readings)
 
     @cached_property
     def figures(self) -> tuple[RecordedSeries, ...]:
         """Figures of the referee and the controllers: `distance`, `tracking_error`, `belief_mass_near` and so on."""
-        return tuple(
-            one for names in self._agents.values() for one in streams.read_figures(self._rows, self.scenario, names)
-        )
+        return self._of_agents(streams.read_figures)
 
     @cached_property
     def service_curves(self) -> tuple[RecordedSeries, ...]:
@@ -181,18 +187,12 @@ class RunData:
     @cached_property
     def waypoints(self) -> Mapping[str, RecordedPoints]:
         """By agent where it was sent."""
-        return {
-            name: streams.read_points(self._rows, self.scenario, names.at(WAYPOINTS))
-            for name, names in self._agents.items()
-        }
+        return self._read_points(WAYPOINTS)
 
     @cached_property
     def marks(self) -> Mapping[str, RecordedPoints]:
         """By agent what happened where: `start`, `first gas`, `declared`, `touches …`."""
-        return {
-            name: streams.read_points(self._rows, self.scenario, names.at(MARKS))
-            for name, names in self._agents.items()
-        }
+        return self._read_points(MARKS)
 
     @cached_property
     def source_marks(self) -> tuple[RecordedPoints, ...]:
@@ -242,27 +242,17 @@ class RunData:
     @cached_property
     def point_clouds(self) -> tuple[RecordedShapes, ...]:
         """Points that lidars saw."""
-        return tuple(
-            one
-            for names in self._agents.values()
-            for one in streams.read_shapes(self._rows, self.scenario, names, are_rays=False)
-        )
+        return self._of_agents(streams.read_shapes, are_rays=False)
 
     @cached_property
     def rays(self) -> tuple[RecordedShapes, ...]:
         """Rays of range finders and lasers."""
-        return tuple(
-            one
-            for names in self._agents.values()
-            for one in streams.read_shapes(self._rows, self.scenario, names, are_rays=True)
-        )
+        return self._of_agents(streams.read_shapes, are_rays=True)
 
     @cached_property
     def pictures(self) -> tuple[RecordedPictures, ...]:
         """Pictures of cameras."""
-        return tuple(
-            one for names in self._agents.values() for one in streams.read_pictures(self._rows, self.scenario, names)
-        )
+        return self._of_agents(streams.read_pictures)
 
     @cached_property
     def events(self) -> RecordedTexts:

@@ -40,25 +40,34 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedTrack:
-    """Track of a vehicle: its pose at the end of each tick.
+class Recorded:
+    """Base of what was recorded over time.
 
     Attributes:
         tick: (n,) ascending.
         time_s: (n,) [s].
+    """
+
+    tick: Ints
+    time_s: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedTrack(Recorded):
+    """Track of a vehicle: its pose at the end of each tick.
+
+    Attributes:
         position_world_m: (n, 3) [m].
         quaternion_wxyz: (n, 4) world from body, unit length.
     """
 
     agent: str
-    tick: Ints
-    time_s: Floats
     position_world_m: Floats
     quaternion_wxyz: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedSeries:
+class RecordedSeries(Recorded):
     """Numbers over time: what a sensor is exposed to or reports, or a figure of the referee.
 
     Attributes:
@@ -68,8 +77,6 @@ class RecordedSeries:
         unit: As messages have it, for example `ppm`; empty for pure numbers.
         gas: Which gas, of true mixing ratios; else empty.
         columns: k names with their units, for example `mixing_ratio_ppm`.
-        tick: (n,) ascending.
-        time_s: (n,) [s].
         values: (n, k).
     """
 
@@ -78,8 +85,6 @@ class RecordedSeries:
     quantity: str
     unit: str
     columns: tuple[str, ...]
-    tick: Ints
-    time_s: Floats
     values: Floats
     gas: str = ""
 
@@ -90,51 +95,41 @@ class RecordedSeries:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedPoints:
+class RecordedPoints(Recorded):
     """Places where something happened or somebody was sent; several may share a tick.
 
     Attributes:
-        tick: (n,) ascending.
-        time_s: (n,) [s].
         position_world_m: (n, 3) [m].
         label: n texts, some of them empty.
     """
 
-    tick: Ints
-    time_s: Floats
     position_world_m: Floats
     label: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedTexts:
+class RecordedTexts(Recorded):
     """Lines of a log: n ticks (ascending), times [s], texts, and levels (`INFO`, `WARN`)."""
 
-    tick: Ints
-    time_s: Floats
     text: tuple[str, ...]
     level: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedDoor:
+class RecordedDoor(Recorded):
     """A door over time: n ticks (ascending) from which on it is closed or open, and times [s]."""
 
-    tick: Ints
-    time_s: Floats
     is_closed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedSlices:
+class RecordedSlices(Recorded):
     """The gas in one horizontal layer over time.
 
     Recorded as pictures of 256 levels: a mixing ratio is right within 1.4 % (4 % just above `min_ppm`), and 0 below.
 
     Attributes:
         gas: Its name.
-        tick: (n,) ascending.
-        time_s: (n,) [s].
         origin_m: Corner (x, y) that the first cell touches [m].
         cell_m: Side of a cell [m].
         shape: Cells along x and y.
@@ -144,8 +139,6 @@ class RecordedSlices:
     """
 
     gas: str
-    tick: Ints
-    time_s: Floats
     origin_m: tuple[float, float]
     cell_m: float
     shape: tuple[int, int]
@@ -164,21 +157,17 @@ class RecordedSlices:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedFilaments:
+class RecordedFilaments(Recorded):
     """The cloud over time; of snapshot i are the filaments `starts[i]:starts[i + 1]`.
 
     Of clouds with more than 3000 filaments every k-th was recorded.
 
     Attributes:
-        tick: (n,) ascending.
-        time_s: (n,) [s].
         starts: (n + 1,).
         centre_world_m: (m, 3) [m].
         sigma_m: (m,) standard deviations [m].
     """
 
-    tick: Ints
-    time_s: Floats
     starts: Ints
     centre_world_m: Floats
     sigma_m: Floats
@@ -190,30 +179,24 @@ class RecordedFilaments:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedNotes:
+class RecordedNotes(Recorded):
     """Notes of a method on its own state: n ticks (ascending), times [s], modes, and (n,) values by name.
 
     A value is NaN where a note did not have it.
     """
 
-    tick: Ints
-    time_s: Floats
     mode: tuple[str, ...]
     values: Mapping[str, Floats]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedBeliefs:
+class RecordedBeliefs(Recorded):
     """Beliefs about the source, whenever the agent published one; exactly as published.
 
     Attributes:
-        tick: (n,) ascending.
-        time_s: (n,) [s].
         belief: n beliefs; see `gslcosim.contract.messages.Belief`.
     """
 
-    tick: Ints
-    time_s: Floats
     belief: tuple[Belief, ...]
 
     def in_plane(self, i: int) -> Floats:
@@ -223,7 +206,7 @@ class RecordedBeliefs:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedShapes:
+class RecordedShapes(Recorded):
     """Shapes that a sensor saw in the world at some ticks: lidar points, or rays from the sensor to what they met.
 
     Attributes:
@@ -235,14 +218,12 @@ class RecordedShapes:
 
     agent: str
     sensor: str
-    tick: Ints
-    time_s: Floats
     starts: Ints
     points_world_m: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedPictures:
+class RecordedPictures(Recorded):
     """Pictures of a camera as they travelled.
 
     Attributes:
@@ -260,8 +241,6 @@ class RecordedPictures:
 
     agent: str
     sensor: str
-    tick: Ints
-    time_s: Floats
     media_type: str
     is_depth: bool
     data: tuple[bytes, ...]

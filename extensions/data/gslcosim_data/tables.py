@@ -1,8 +1,8 @@
 """A run's streams as tables, with units in the names of columns and a meaning for each."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import UsageError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim_data.streams import RecordedPoints, RecordedSeries, RecordedShapes, RecordedTexts, RecordedTrack
+from gslcosim_data.streams import Recorded, RecordedPoints, RecordedSeries, RecordedShapes, RecordedTexts, RecordedTrack
 from gslcosim_services.recorder.stream_table import FILAMENTS, LOGS, MARKS, TABLES, WAYPOINTS, Stream
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _AXES = ("x", "y", "z")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TableColumn:
     """One column: its values, one for each row, and what they are.
 
@@ -34,7 +34,7 @@ class TableColumn:
     unit: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class StreamTable:
     """One stream as columns of the same length; `name` is a file name without its ending."""
 
@@ -77,35 +77,37 @@ def safe_name(name: str) -> str:
     return re.sub(r"\W+", "_", name)
 
 
-def _times(tick: NDArray[np.int64], time_s: NDArray[np.float64]) -> tuple[TableColumn, TableColumn]:
+def build_vectors(
+    prefix: str, values: NDArray[np.float64], meaning: str, unit: str = "", parts: Sequence[str] = _AXES
+) -> tuple[TableColumn, ...]:
+    """Return a column for each part of (n, k) values; the unit stands behind the names."""
+    suffix = f"_{unit.replace('/', '_')}" if unit else ""
+    return tuple(
+        TableColumn(f"{prefix}{part}{suffix}", values[:, i], f"{meaning}, {part}", unit) for i, part in enumerate(parts)
+    )
+
+
+def _times(recorded: Recorded, rows: Any = slice(None)) -> tuple[TableColumn, TableColumn]:
     return (
-        TableColumn(name="tick", values=tick, meaning="number of the tick at whose end it holds"),
-        TableColumn(name="time_s", values=time_s, meaning="simulated time", unit="s"),
+        TableColumn("tick", recorded.tick[rows], "number of the tick at whose end it holds"),
+        TableColumn("time_s", recorded.time_s[rows], "simulated time", "s"),
     )
 
 
 def _places(positions_m: NDArray[np.float64], what: str, prefix: str = "") -> tuple[TableColumn, ...]:
-    return tuple(
-        TableColumn(
-            name=f"{prefix}{axis}_m", values=positions_m[:, i], meaning=f"{what}, world frame, {axis}", unit="m"
-        )
-        for i, axis in enumerate(_AXES)
-    )
+    return build_vectors(prefix, positions_m, f"{what}, world frame", "m")
 
 
 def _track(track: RecordedTrack) -> StreamTable:
-    turns = tuple(
-        TableColumn(
-            name=f"quaternion_{part}",
-            values=track.quaternion_wxyz[:, i],
-            meaning=f"attitude as unit quaternion, world from body, {part}",
-        )
-        for i, part in enumerate(("w", *_AXES))
-    )
+    attitude = "attitude as unit quaternion, world from body"
     return StreamTable(
-        name=f"track_{safe_name(track.agent)}",
-        meaning=f"where the vehicle of {track.agent} was at the end of each tick",
-        columns=(*_times(track.tick, track.time_s), *_places(track.position_world_m, "place of the body"), *turns),
+        f"track_{safe_name(track.agent)}",
+        f"where the vehicle of {track.agent} was at the end of each tick",
+        (
+            *_times(track),
+            *_places(track.position_world_m, "place of the body"),
+            *build_vectors("quaternion_", track.quaternion_wxyz, attitude, parts=("w", *_AXES)),
+        ),
     )
 
 
@@ -121,9 +123,9 @@ def _series(kind: str, meaning: str, all_series: Sequence[RecordedSeries]) -> It
             time_s[rows] = series.time_s
             columns += _columns(series, rows, len(tick))
         yield StreamTable(
-            name=f"{kind}_{safe_name(agent)}" if agent else kind,
-            meaning=f"{meaning}, of {agent}" if agent else meaning,
-            columns=(*_times(tick, time_s), *columns),
+            f"{kind}_{safe_name(agent)}" if agent else kind,
+            f"{meaning}, of {agent}" if agent else meaning,
+            (*_times(Recorded(tick=tick, time_s=time_s)), *columns),
         )
 
 
@@ -135,10 +137,10 @@ def _columns(series: RecordedSeries, rows: NDArray[np.int64], n_rows: int) -> It
         values[rows] = series.values[:, i]
         words = name.replace("_", " ")
         yield TableColumn(
-            name=safe_name(f"{prefix}_{name}" if prefix else name),
-            values=values,
-            meaning=f"{words}: {of}" if of else words,
-            unit="" if series.unit == "1" else series.unit,
+            safe_name(f"{prefix}_{name}" if prefix else name),
+            values,
+            f"{words}: {of}" if of else words,
+            "" if series.unit == "1" else series.unit,
         )
 
 
@@ -146,15 +148,9 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
     rows = [(agent, command) for agent, some in commands.items() for command in some]
     rows.sort(key=lambda each: each[1].tick)
 
-    def vectors(pick: Any, name: str, what: str, unit: str) -> tuple[TableColumn, ...]:
+    def vectors(pick: Any, prefix: str, what: str, unit: str) -> tuple[TableColumn, ...]:
         values = np.array([pick(command) or (np.nan,) * 3 for _, command in rows], dtype=np.float64).reshape(-1, 3)
-        suffix = unit.replace("/", "_")
-        return tuple(
-            TableColumn(
-                name=f"{name}{axis}_{suffix}", values=values[:, i], meaning=f"{what}, world frame, {axis}", unit=unit
-            )
-            for i, axis in enumerate(_AXES)
-        )
+        return build_vectors(prefix, values, f"{what}, world frame", unit)
 
     def numbers(pick: Any) -> NDArray[np.float64]:
         picked = [pick(command) for _, command in rows]
@@ -162,29 +158,29 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
 
     declared = "declared place of the source"
     return StreamTable(
-        name="commands",
-        meaning="the commands of agents that took effect",
-        columns=(
+        "commands",
+        "the commands of agents that took effect",
+        (
             TableColumn(
-                name="tick",
-                values=np.array([command.tick for _, command in rows], dtype=np.int64),
-                meaning="number of the tick whose observation it answers",
+                "tick",
+                np.array([command.tick for _, command in rows], dtype=np.int64),
+                "number of the tick whose observation it answers",
             ),
-            TableColumn(name="agent", values=[agent for agent, _ in rows], meaning="whose command it is"),
-            TableColumn(name="kind", values=[command.kind for _, command in rows], meaning="kind of the command"),
+            TableColumn("agent", [agent for agent, _ in rows], "whose command it is"),
+            TableColumn("kind", [command.kind for _, command in rows], "kind of the command"),
             *vectors(lambda c: c.position_world_m, "", "waypoint", "m"),
             *vectors(lambda c: c.velocity_world_m_s, "velocity_", "velocity", "m/s"),
-            TableColumn(name="hold_s", values=numbers(lambda c: c.hold_s), meaning="how long it holds", unit="s"),
+            TableColumn("hold_s", numbers(lambda c: c.hold_s), "how long it holds", "s"),
             *vectors(lambda c: c.declaration and c.declaration.position_world_m, "declared_", declared, "m"),
             TableColumn(
-                name="confidence",
-                values=numbers(lambda c: c.declaration and c.declaration.confidence),
-                meaning="how sure the agent is of it, 0 to 1",
+                "confidence",
+                numbers(lambda c: c.declaration and c.declaration.confidence),
+                "how sure the agent is of it, 0 to 1",
             ),
             TableColumn(
-                name="json",
-                values=[codec.encode_json(command.model_copy(update={"belief": None})).decode() for _, command in rows],
-                meaning="the whole command but for its belief, as JSON",
+                "json",
+                [codec.encode_json(command.model_copy(update={"belief": None})).decode() for _, command in rows],
+                "the whole command but for its belief, as JSON",
             ),
         ),
     )
@@ -194,84 +190,94 @@ def _points(stream: Stream, by_agent: Mapping[str, RecordedPoints]) -> StreamTab
     agents = [agent for agent, points in by_agent.items() for _ in points.tick]
     every = [*by_agent.values()]
     return StreamTable(
-        name=stream.name,
-        meaning=stream.meaning,
-        columns=(
+        stream.name,
+        stream.meaning,
+        (
             *_times(
-                np.concatenate([points.tick for points in every]), np.concatenate([points.time_s for points in every])
+                Recorded(
+                    tick=np.concatenate([points.tick for points in every]),
+                    time_s=np.concatenate([points.time_s for points in every]),
+                )
             ),
-            TableColumn(name="agent", values=agents, meaning="whose it is"),
+            TableColumn("agent", agents, "whose it is"),
             *_places(np.concatenate([points.position_world_m for points in every]), "place"),
-            TableColumn(name="label", values=[label for points in every for label in points.label], meaning="what"),
+            TableColumn("label", [label for points in every for label in points.label], "what"),
         ),
     )
 
 
 def _texts(log: Stream, texts: RecordedTexts) -> StreamTable:
     return StreamTable(
-        name=log.name,
-        meaning=log.meaning,
-        columns=(
-            *_times(texts.tick, texts.time_s),
-            TableColumn(name="level", values=texts.level, meaning="INFO or WARN"),
-            TableColumn(name="text", values=texts.text, meaning="what happened"),
+        log.name,
+        log.meaning,
+        (
+            *_times(texts),
+            TableColumn("level", texts.level, "INFO or WARN"),
+            TableColumn("text", texts.text, "what happened"),
+        ),
+    )
+
+
+# A row for each cell of each snapshot that is above 0; lower corners (x, y, z) of cells, or at one height (x, y).
+def _cells(
+    name: str,
+    meaning: str,
+    recorded: Recorded,
+    snapshots: Iterable[tuple[NDArray[Any], Any, float]],
+    value: TableColumn,
+) -> StreamTable:
+    which, centres, found = [], [], []
+    for i, (values, origin_m, cell_m) in enumerate(snapshots):
+        cells = np.argwhere(values > 0)
+        centres_m = np.full((len(cells), 3), float(origin_m[2]))
+        n_axes = cells.shape[1]
+        centres_m[:, :n_axes] = np.array(origin_m)[:n_axes] + (cells + 0.5) * cell_m
+        which.append(np.full(len(cells), i))
+        centres.append(centres_m)
+        found.append(values[values > 0])
+    return StreamTable(
+        name,
+        meaning,
+        (
+            *_times(recorded, np.concatenate(which)),
+            *_places(np.concatenate(centres), "centre of the cell"),
+            replace(value, values=np.concatenate(found)),
         ),
     )
 
 
 def _beliefs(run: "RunData") -> Iterator[StreamTable]:
     for agent, beliefs in run.beliefs.items():
-        parts: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
-        for i, belief in enumerate(beliefs.belief):
-            probability = belief.probability.to_array()
-            cells = np.argwhere(probability > 0)
-            centres_m = np.full((len(cells), 3), float(belief.origin_m[2]))
-            n_axes = cells.shape[1]
-            centres_m[:, :n_axes] = np.array(belief.origin_m)[:n_axes] + (cells + 0.5) * belief.cell_m
-            parts.append((np.full(len(cells), i), centres_m, probability[probability > 0].astype(np.float64)))
-        which, centres_m, probability = (np.concatenate(some) for some in zip(*parts, strict=True))
-        yield StreamTable(
-            name=f"belief_{safe_name(agent)}",
-            meaning=f"where {agent} believed the source to be, a row for each cell that is not impossible",
-            columns=(
-                *_times(beliefs.tick[which], beliefs.time_s[which]),
-                *_places(centres_m, "centre of the cell"),
-                TableColumn(name="probability", values=probability, meaning="probability of the cell"),
-            ),
+        yield _cells(
+            f"belief_{safe_name(agent)}",
+            f"where {agent} believed the source to be, a row for each cell that is not impossible",
+            beliefs,
+            ((b.probability.to_array().astype(np.float64), b.origin_m, b.cell_m) for b in beliefs.belief),
+            TableColumn("probability", (), "probability of the cell"),
         )
 
 
 def _gas(run: "RunData") -> Iterator[StreamTable]:
     for gas, slices in run.gas_slices.items():
-        if not len(slices.tick):
-            continue
-        parts: list[tuple[NDArray[Any], ...]] = []
-        for i in range(len(slices.tick)):
-            ppm = slices.mixing_ratio_ppm(i)
-            cells = np.argwhere(ppm > 0)
-            centres_m = np.full((len(cells), 3), slices.height_m)
-            centres_m[:, :2] = np.array(slices.origin_m) + (cells + 0.5) * slices.cell_m
-            parts.append((np.full(len(cells), i), centres_m, ppm[ppm > 0]))
-        which, centres_m, ppm = (np.concatenate(some) for some in zip(*parts, strict=True))
-        yield StreamTable(
-            name=f"gas_{safe_name(gas)}",
-            meaning=f"{gas} in one layer, a row for each cell with at least {slices.min_ppm:g} ppm; within 1.4 %",
-            columns=(
-                *_times(slices.tick[which], slices.time_s[which]),
-                *_places(centres_m, "centre of the cell"),
-                TableColumn(name="mixing_ratio_ppm", values=ppm, meaning="mixing ratio", unit="ppm"),
-            ),
-        )
+        if len(slices.tick):
+            origin_m = (*slices.origin_m, slices.height_m)
+            yield _cells(
+                f"gas_{safe_name(gas)}",
+                f"{gas} in one layer, a row for each cell with at least {slices.min_ppm:g} ppm; within 1.4 %",
+                slices,
+                ((slices.mixing_ratio_ppm(i), origin_m, slices.cell_m) for i in range(len(slices.tick))),
+                TableColumn("mixing_ratio_ppm", (), "mixing ratio", "ppm"),
+            )
     cloud = run.filaments
     which = np.repeat(np.arange(len(cloud.tick)), np.diff(cloud.starts))
     yield from _if_any(
         StreamTable(
-            name=FILAMENTS.name,
-            meaning=FILAMENTS.meaning,
-            columns=(
-                *_times(cloud.tick[which], cloud.time_s[which]),
+            FILAMENTS.name,
+            FILAMENTS.meaning,
+            (
+                *_times(cloud, which),
                 *_places(cloud.centre_world_m, "centre"),
-                TableColumn(name="sigma_m", values=cloud.sigma_m, meaning="standard deviation", unit="m"),
+                TableColumn("sigma_m", cloud.sigma_m, "standard deviation", "m"),
             ),
         )
     )
@@ -280,9 +286,9 @@ def _gas(run: "RunData") -> Iterator[StreamTable]:
 def _clouds_of_points(shapes: RecordedShapes) -> StreamTable:
     which = np.repeat(np.arange(len(shapes.tick)), np.diff(shapes.starts))
     return StreamTable(
-        name=f"points_{safe_name(shapes.agent)}_{safe_name(shapes.sensor)}",
-        meaning=f"what {shapes.sensor} of {shapes.agent} saw, a row for each point",
-        columns=(*_times(shapes.tick[which], shapes.time_s[which]), *_places(shapes.points_world_m, "place")),
+        f"points_{safe_name(shapes.agent)}_{safe_name(shapes.sensor)}",
+        f"what {shapes.sensor} of {shapes.agent} saw, a row for each point",
+        (*_times(shapes, which), *_places(shapes.points_world_m, "place")),
     )
 
 
@@ -290,10 +296,10 @@ def _rays(shapes: RecordedShapes) -> StreamTable:
     which = np.repeat(np.arange(len(shapes.tick)), np.diff(shapes.starts))
     starts_m, ends_m = shapes.points_world_m[:, 0], shapes.points_world_m[:, 1]
     return StreamTable(
-        name=f"rays_{safe_name(shapes.agent)}_{safe_name(shapes.sensor)}",
-        meaning=f"the rays of {shapes.sensor} of {shapes.agent}; one that met nothing has no length",
-        columns=(
-            *_times(shapes.tick[which], shapes.time_s[which]),
+        f"rays_{safe_name(shapes.agent)}_{safe_name(shapes.sensor)}",
+        f"the rays of {shapes.sensor} of {shapes.agent}; one that met nothing has no length",
+        (
+            *_times(shapes, which),
             *_places(starts_m, "where it starts", "from_"),
             *_places(ends_m, "what it met", "to_"),
         ),

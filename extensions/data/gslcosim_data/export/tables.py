@@ -11,7 +11,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from gslcosim_data.run import RunData
-from gslcosim_data.tables import StreamTable, TableColumn, build_tables, safe_name, to_arrow
+from gslcosim_data.tables import StreamTable, TableColumn, build_tables, build_vectors, safe_name, to_arrow
 from gslcosim_data.text_tables import neutralise_cell, write_csv
 
 DICTIONARY = "dictionary"
@@ -64,27 +64,16 @@ def _pictures(run: RunData, folder: Path, files: list[Path]) -> Iterable[StreamT
             (folder / path).write_bytes(data)
             files.append(folder / path)
         what = "depths [mm]" if camera.is_depth else "pictures"
-        places = [
-            TableColumn(name=f"{axis}_m", values=camera.position_world_m[:, i], meaning=f"eye, {axis}", unit="m")
-            for i, axis in enumerate("xyz")
-        ]
-        turns = [
-            TableColumn(
-                name=f"quaternion_{part}",
-                values=camera.quaternion_wxyz[:, i],
-                meaning=f"world from camera (x right, y down, z ahead), {part}",
-            )
-            for i, part in enumerate("wxyz")
-        ]
+        from_camera = "world from camera (x right, y down, z ahead)"
         yield StreamTable(
-            name=name,
-            meaning=f"{what} of {camera.sensor} of {camera.agent}",
-            columns=(
-                TableColumn(name="tick", values=camera.tick, meaning="number of the tick at which it came"),
-                TableColumn(name="time_s", values=camera.time_s, meaning="simulated time", unit="s"),
-                TableColumn(name="file", values=names, meaning="the picture"),
-                *places,
-                *turns,
+            name,
+            f"{what} of {camera.sensor} of {camera.agent}",
+            (
+                TableColumn("tick", camera.tick, "number of the tick at which it came"),
+                TableColumn("time_s", camera.time_s, "simulated time", "s"),
+                TableColumn("file", names, "the picture"),
+                *build_vectors("", camera.position_world_m, "eye", "m"),
+                *build_vectors("quaternion_", camera.quaternion_wxyz, from_camera, parts="wxyz"),
             ),
         )
 
