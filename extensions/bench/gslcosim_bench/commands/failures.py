@@ -74,6 +74,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim_bench.studies.failure_output import failures_to_json, write_failures
     from gslcosim_bench.studies.failures import FailureFinder
     from gslcosim_bench.studies.output import write_fields
+    from gslcosim_bench.studies.runner import StudyHost
     from gslcosim_bench.studies.search_space import find_space
 
     space = find_space(arguments.space, arguments.vary)
@@ -91,10 +92,12 @@ def _run(arguments: argparse.Namespace) -> int:
             budget=arguments.budget,
             seed=arguments.seed,
             folder=folder,
-            start_pool=lambda: start_pool(arguments, LimitsSpec()),
+            host=StudyHost(
+                start_pool=lambda: start_pool(arguments, LimitsSpec()),
+                confirm_put_aside=confirm_put_aside(arguments),
+                report=show,
+            ),
             sensors_by_method=arguments.sensors_by_method,
-            confirm_put_aside=confirm_put_aside(arguments),
-            report=show,
             tell=lambda progress: line.note(_format_stage(progress)),
         )
         try:

@@ -3,6 +3,7 @@
 import contextlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.progress import ProgressLine
@@ -45,8 +46,8 @@ def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> 
         "n_plumes_on_tape": len(plumes),
         "entries": dict(Counter(trial.entry for trial in trials)),
         "scenarios": dict(Counter(trial.scenario for trial in trials)),
-        "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
-        "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
+        "dropped": [asdict(each) for each in plan.dropped],
+        "moved": [asdict(each) for each in plan.moved],
         "most_simulated_h": round(plan.sim_s * share / 3600, 2),
         "expected_flying_s": round(flying_s),
         "expected_preparing_s": round(preparing_s),

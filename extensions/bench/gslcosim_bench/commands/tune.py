@@ -56,6 +56,7 @@ def _run(arguments: argparse.Namespace) -> int:
         write_fields,
         write_text,
     )
+    from gslcosim_bench.studies.runner import StudyHost
     from gslcosim_bench.studies.target import card_ranges, find_target, parse_ranges
     from gslcosim_bench.studies.tuning import TRAINING, VALIDATION, Tuner, split_budget
 
@@ -75,9 +76,11 @@ def _run(arguments: argparse.Namespace) -> int:
             split_budget(arguments.budget, arguments.flights_per_setting),
             seed=arguments.seed,
             folder=folder,
-            start_pool=lambda: start_pool(arguments, suite.limits),
-            confirm_put_aside=confirm_put_aside(arguments),
-            report=show,
+            host=StudyHost(
+                start_pool=lambda: start_pool(arguments, suite.limits),
+                confirm_put_aside=confirm_put_aside(arguments),
+                report=show,
+            ),
             tell=lambda stage: line.note(format_stage(stage)),
         )
         try:

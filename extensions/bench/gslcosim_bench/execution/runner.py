@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -99,8 +99,8 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
         "scenarios": [{"name": name, "family": family, "title": name} for name, family in titles.items()],
         "n_planned": plan.n_trials,
         "n_dropped": len(plan.dropped),
-        "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
-        "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
+        "dropped": [asdict(each) for each in plan.dropped],
+        "moved": [asdict(each) for each in plan.moved],
         "anchors": {side: name for side, name in anchors.items() if name in names},
         "wall": sum_sessions(sessions),
         "sessions": sessions,

@@ -25,12 +25,10 @@ from gslcosim_bench.cases.models import (
 )
 from gslcosim_bench.cases.plan import build_plan, combine_hashes
 from gslcosim_bench.cases.suite_files import LoadedSuite
-from gslcosim_bench.execution.pool import Pool
-from gslcosim_bench.execution.runner import Progress, StaleRows
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.rates import wilson
 from gslcosim_bench.store import ResultsFolder
-from gslcosim_bench.studies.runner import Row, SharedPool, StudyRunner
+from gslcosim_bench.studies.runner import Row, StudyHost, StudyRunner
 from gslcosim_bench.studies.search_space import SearchSpace, get_place
 from gslcosim_bench.studies.target import find_method_entry
 
@@ -201,17 +199,14 @@ class FailureFinder:
         budget: int,
         seed: int,
         folder: Path,
-        start_pool: Callable[[], Pool],
+        host: StudyHost,
         sensors_by_method: bool = False,
-        confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True,
-        report: Callable[[Progress], None] = lambda _: None,
         tell: Callable[[FinderProgress], None] = lambda _: None,
     ) -> None:
         """Prepare to search.
 
         Args:
             budget: Runs in all, those of the oracle included.
-            start_pool: Starts the workers; not called when there is nothing to fly.
             sensors_by_method: Whether the method flies with the sensors of its card instead of the scenario's.
             tell: Receives how the search stands, after each batch.
         """
@@ -225,10 +220,8 @@ class FailureFinder:
         self._space = space
         self._budget = budget
         self._seed = seed
-        self._pool = SharedPool(start_pool)
-        self._runner = StudyRunner(
-            ResultsFolder(folder), self._pool, report=report, confirm_put_aside=confirm_put_aside
-        )
+        self._host = host
+        self._folder = ResultsFolder(folder)
         self._tell = tell
         self._specs: list[ScenarioSpec] = []
         self._outcomes: list[CaseOutcome] = []
@@ -239,7 +232,8 @@ class FailureFinder:
         """Search, fly the worst again with other seeds, and return what came of it."""
         explore = round(EXPLORE_SHARE * self._budget)
         refine = explore + round(REFINE_SHARE * self._budget)
-        with self._pool:
+        with self._host.sharing_pool() as host:
+            self._runner = StudyRunner(self._folder, host)
             while n := self._batch_within(explore):
                 self._fly("random cases", [self._random_case() for _ in range(n)])
             while n := self._batch_within(refine):

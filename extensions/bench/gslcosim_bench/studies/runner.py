@@ -1,6 +1,8 @@
 """Runner of studies: trials of a plan that grows, in one folder of results, by workers that serve all of a study."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gslcosim_bench.cases.models import Selection, Trial
@@ -10,6 +12,37 @@ from gslcosim_bench.execution.runner import Progress, StaleRows, SuiteRun
 from gslcosim_bench.store import ResultsFolder
 
 Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyHost:
+    """Workers of a study, and receivers of its progress.
+
+    Attributes:
+        start_pool: Starts the workers; not called when there is nothing to run.
+        report: Receives the progress of a batch.
+        confirm_put_aside: As of `SuiteRun`.
+    """
+
+    start_pool: Callable[[], Pool]
+    report: Callable[[Progress], None] = lambda _: None
+    confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True
+
+    @contextmanager
+    def sharing_pool(self) -> "Generator[StudyHost]":
+        """Give a host with one pool for all of a study: started at the first need, closed at the end."""
+        pools: list[Pool] = []
+
+        def start() -> Pool:
+            if not pools:
+                pools.append(self.start_pool())
+            return pools[0]
+
+        try:
+            yield replace(self, start_pool=start)
+        finally:
+            for pool in pools:
+                pool.close()
 
 
 class StudyRunner:
@@ -23,26 +56,12 @@ class StudyRunner:
         n_flown_now: Trials that this runner has run, without those that were there.
     """
 
-    def __init__(
-        self,
-        folder: ResultsFolder,
-        start_pool: Callable[[], Pool],
-        *,
-        report: Callable[[Progress], None],
-        confirm_put_aside: Callable[[StaleRows], bool],
-    ) -> None:
-        """Read the rows of a folder.
-
-        Args:
-            start_pool: Such as a `SharedPool`: the workers are not ended here.
-            confirm_put_aside: As of `SuiteRun`.
-        """
+    def __init__(self, folder: ResultsFolder, host: StudyHost) -> None:
+        """Read the rows of a folder."""
         self.plan: Plan | None = None
         self.n_flown_now = 0
         self._folder = folder
-        self._start_pool = start_pool
-        self._report = report
-        self._confirm_put_aside = confirm_put_aside
+        self._host = host
         self._rows = {row["trial"]: row for row in folder.rows()}
 
     def run(self, plan: Plan, wanted: Sequence[Trial]) -> list[Row]:
@@ -59,34 +78,10 @@ class StudyRunner:
 
     def _run_plan(self, plan: Plan) -> None:
         summary = SuiteRun(
-            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report,
-            confirm_put_aside=self._confirm_put_aside,
+            plan, self._folder, self._host.start_pool, selection=Selection(), keeps_pool=True, report=self._host.report,
+            confirm_put_aside=self._host.confirm_put_aside,
         ).fly()  # fmt: skip
         self.n_flown_now += summary.n_flown
         if summary.is_interrupted:
             raise KeyboardInterrupt
         self._rows = {row["trial"]: row for row in self._folder.rows()}
-
-
-class SharedPool:
-    """One pool for all of a study: called, it starts the pool the first time; as a context, it closes it at the end."""
-
-    def __init__(self, start_pool: Callable[[], Pool]) -> None:
-        """Take what starts the pool, which is not called where there is nothing to run."""
-        self._start_pool = start_pool
-        self._pool: Pool | None = None
-
-    def __call__(self) -> Pool:
-        """Return the pool."""
-        if self._pool is None:
-            self._pool = self._start_pool()
-        return self._pool
-
-    def __enter__(self) -> "SharedPool":
-        """Return itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the pool if it was started."""
-        if self._pool is not None:
-            self._pool.close()

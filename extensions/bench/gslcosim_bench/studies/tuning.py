@@ -11,8 +11,7 @@ from typing import Any
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim_bench.cases.models import Case, derive_seed
 from gslcosim_bench.cases.plan import Plan, build_plan, expand_cases
-from gslcosim_bench.execution.pool import Pool
-from gslcosim_bench.execution.runner import Progress, StaleRows
+from gslcosim_bench.execution.runner import Progress
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.settings import (
     SettingFigures,
@@ -23,7 +22,7 @@ from gslcosim_bench.statistics.settings import (
     paired_p_value,
 )
 from gslcosim_bench.store import ResultsFolder
-from gslcosim_bench.studies.runner import Row, SharedPool, StudyRunner
+from gslcosim_bench.studies.runner import Row, StudyHost, StudyRunner
 from gslcosim_bench.studies.target import (
     DEFAULT,
     ParameterRange,
@@ -376,16 +375,13 @@ class Tuner:
         *,
         seed: int,
         folder: Path,
-        start_pool: Callable[[], Pool],
-        confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True,
-        report: Callable[[Progress], None] = lambda _: None,
+        host: StudyHost,
         tell: Callable[[TuningProgress], None] = lambda _: None,
     ) -> None:
         """Prepare to tune.
 
         Args:
             seed: Of the search, and part of the seeds of all its runs.
-            start_pool: Starts the workers; not called when there is nothing to fly.
             tell: Receives how the search stands, after each batch.
         """
         self._subject = subject
@@ -393,9 +389,7 @@ class Tuner:
         self._budget = budget
         self._seed = seed
         self._folder = folder
-        self._start_pool = start_pool
-        self._confirm_put_aside = confirm_put_aside
-        self._report = report
+        self._host = host
         self._tell = tell
         self._flights: dict[str, SettingRuns] = {}
         self._tried: list[EvaluatedSetting] = []
@@ -406,15 +400,15 @@ class Tuner:
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY_LOG)
             training, validation = self.evaluations()
-            with SharedPool(self._start_pool) as start_pool:
-                runner = self._runner(TRAINING, start_pool)
+            with self._host.sharing_pool() as host:
+                runner = StudyRunner(ResultsFolder(self._folder / TRAINING), host)
                 n_asked = self._search(search, runner, training)
                 runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
                 n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    runner = self._runner(VALIDATION, start_pool)
+                    runner = StudyRunner(ResultsFolder(self._folder / VALIDATION), host)
                     validated = self._validate(runner, validation, best.setting)
                     n_now += runner.n_flown_now
         n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
@@ -436,19 +430,15 @@ class Tuner:
 
     def evaluations(self) -> tuple[EvaluationPlan, EvaluationPlan]:
         """Return the runs of training and of validation: no seed is one of the other's or of a suite's."""
-        self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
+        self._host.report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = collect_test_seeds(self._subject.loaded)
         training = build_evaluation_plan(self._subject, TRAINING, self._seed, n=self._budget.per_setting, taken=tests)
-        self._report(Progress(phase="planning", done=1, total=2, elapsed_s=0.0))
+        self._host.report(Progress(phase="planning", done=1, total=2, elapsed_s=0.0))
         taken = tests | collect_seeds(training.subject.loaded)
         validation = build_evaluation_plan(
             self._subject, VALIDATION, self._seed, n=self._budget.per_validation, taken=taken
         )
         return training, validation
-
-    def _runner(self, name: str, start_pool: Callable[[], Pool]) -> StudyRunner:
-        folder = ResultsFolder(self._folder / name)
-        return StudyRunner(folder, start_pool, report=self._report, confirm_put_aside=self._confirm_put_aside)
 
     # Batches are of one size and given in order, so that nothing depends on which run was over first.
     def _search(self, search: OptunaSearch, runner: StudyRunner, training: EvaluationPlan) -> int:

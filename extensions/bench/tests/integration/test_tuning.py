@@ -18,6 +18,7 @@ from gslcosim.cli.main import main
 from gslcosim_bench.commands.workers import start_pool
 from gslcosim_bench.execution.pool import Pool
 from gslcosim_bench.store import ResultsFolder
+from gslcosim_bench.studies.runner import StudyHost
 from gslcosim_bench.studies.target import find_target, parse_ranges
 from gslcosim_bench.studies.tuning import Tuner, TuningProgress, split_budget
 
@@ -110,7 +111,7 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
     children = set(psutil.Process().children(recursive=True))
     with pytest.raises(KeyboardInterrupt):
         Tuner(
-            subject, ranges, split_budget(12, 1), seed=0, folder=tmp_path, tell=stop, start_pool=start,
+            subject, ranges, split_budget(12, 1), seed=0, folder=tmp_path, tell=stop, host=StudyHost(start_pool=start),
         ).tune()  # fmt: skip
     assert len(pools) == 1
     assert not set(psutil.Process().children(recursive=True)) - children

@@ -2,8 +2,10 @@
 
 import pytest
 
-from gslcosim_bench.studies.target import Setting, collect_test_seeds, find_target
-from gslcosim_bench.studies.tuning import build_evaluation_plan
+from gslcosim_bench.cases import build_plan, load_suite
+from gslcosim_bench.studies.runner import StudyHost
+from gslcosim_bench.studies.target import Setting, collect_test_seeds, find_target, parse_ranges
+from gslcosim_bench.studies.tuning import Tuner, build_evaluation_plan, split_budget
 
 DEFAULT = Setting(name="default", parameters={})
 
@@ -22,6 +24,31 @@ def test_cases_are_run_equally_often_and_the_rest_by_lot():
     assert len({evaluation(1, number).slots[0][0] for number in (1, 2)}) == 2
 
 
+@pytest.mark.slow
+def test_no_seed_of_training_or_validation_is_one_of_a_suite(tmp_path):
+    """Of the tuned suite and of a bundled one, by their plans."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "schema: gslcosim/suite/1\nname: mine\nseed: 3\nscenarios: [tiny_room]\nrepetitions: 6\n"
+        "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
+    )
+    subject = find_target(str(path), "beetle")
+    tuner = Tuner(
+        subject,
+        parse_ranges(["leg_m=0.2:2"], subject),
+        split_budget(60),
+        seed=0,
+        folder=tmp_path,
+        host=StudyHost(start_pool=_no_pool),
+    )
+    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.evaluations())
+    tests = seeds(build_plan(load_suite(path))) | seeds(build_plan(load_suite("smoke")))
+    assert training
+    assert validation
+    assert not (training | validation) & tests
+    assert not training & validation
+
+
 def seeds(plan):
     return {seed for trial in plan.trials for seed in (trial.resolved.seed, trial.resolved.gas.seed)}
 
@@ -38,6 +65,10 @@ def test_a_plan_that_grows_is_that_of_all_settings_at_once():
         (t.id, t.entry, t.case, t.repetition) for t in at_once.trials
     ]
     assert [trial.index for trial in grown.trials] == list(range(12))
+
+
+def _no_pool():
+    raise AssertionError("nothing is flown")
 
 
 @pytest.mark.slow

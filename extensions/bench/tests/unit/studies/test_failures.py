@@ -14,9 +14,11 @@ from gslcosim_bench.studies.failure_output import (
     write_failures,
 )
 from gslcosim_bench.studies.failures import FailureFinder
+from gslcosim_bench.studies.runner import StudyHost
 from gslcosim_bench.studies.search_space import find_space
 
 SENSOR = "agents[0].sensors[0].model=pid,tgs2600"
+NO_HOST = StudyHost(start_pool=lambda: pytest.fail("nothing is flown"))
 RATE = "gas.sources[0].filaments_per_s=3:30:log"
 
 
@@ -42,7 +44,12 @@ class SimulatedFinder(FailureFinder):
 def searched(folder, *, budget=48, seed=0):
     space = find_space("tiny_room", [SENSOR, RATE])
     return SimulatedFinder(
-        "surge_cast", space, budget=budget, seed=seed, folder=folder, start_pool=lambda: pytest.fail("nothing is flown")
+        "surge_cast",
+        space,
+        budget=budget,
+        seed=seed,
+        folder=folder,
+        host=NO_HOST,
     ).find()
 
 
@@ -115,7 +122,7 @@ def test_what_cannot_be_searched_is_refused(source, varied, problem):
 
 
 def test_a_budget_for_less_than_two_batches_and_an_unknown_method_are_refused(tmp_path):
-    options = {"folder": tmp_path, "seed": 0, "start_pool": lambda: pytest.fail("nothing is flown")}
+    options = {"folder": tmp_path, "seed": 0, "host": NO_HOST}
     space = find_space("tiny_room", [])
     with pytest.raises(UsageError, match=r"--budget: expected at least 32 runs.* was 31"):
         FailureFinder("surge_cast", space, budget=31, **options)
