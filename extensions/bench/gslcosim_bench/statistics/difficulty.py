@@ -1,13 +1,12 @@
-"""Difficulty of cases: a Rasch model, strata of blind coverage, how these tell entries apart, and causes (D1 to D5)."""
+"""Difficulty of cases: a Rasch model, and causes (D1 to D5)."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gslcosim.base.errors import ModelError, ShapeError
-from gslcosim_bench.statistics.estimates import Estimate, as_finite_row, check_same_length, two_sided_z
+from gslcosim_bench.statistics.estimates import as_finite_row, check_same_length
 
 EASY, MEDIUM, HARD = "easy", "medium", "hard"
 
@@ -97,143 +96,6 @@ def _slopes(
     curvature[:n_cells, n_cells:] = -weight
     curvature[n_cells:, :n_cells] = -weight.T
     return gradient, curvature
-
-
-STRATA_FROM = (0.0, 1.0, 2.0, 4.0)
-"""Least ratio of the time limit to the sweep's median of each stratum of coverage; chosen."""
-
-STRATA = ("below 1", "1 to 2", "2 to 4", "4 and more")
-"""Names of these strata."""
-
-
-def coverage_ratio(sweep_s: np.ndarray, limit_s: float) -> float:
-    """Return how often blind coverage fits into the time limit: limit over the sweep's median time to the source.
-
-    Args:
-        sweep_s: (n,) time in which each run of the sweep came within the radius [s]; nan or infinite without it.
-        limit_s: Time limit [s].
-
-    Returns:
-        At least 1; 0 where the sweep came there in less than half of the runs; nan without runs.
-    """
-    times_s = np.asarray(sweep_s, dtype=np.float64)
-    if not times_s.size:
-        return math.nan
-    median_s = float(np.median(np.where(np.isfinite(times_s), times_s, math.inf)))
-    return limit_s / median_s if median_s <= limit_s else 0.0
-
-
-def coverage_stratum(ratio: float) -> str:
-    """Return the stratum of a case by its ratio of coverage, one of `STRATA`; empty where it is nan.
-
-    Below 1 a sweep fails in most runs; at 4 and more approach needs no nose.
-    """
-    return "" if math.isnan(ratio) else STRATA[int(np.searchsorted(STRATA_FROM, ratio, side="right")) - 1]
-
-
-@dataclass(frozen=True)
-class Discrimination:
-    """Discrimination of a stratum of cases between entries: the slope of success over ability.
-
-    Attributes:
-        stratum: Its label.
-        slope: Change of the logit for one standard deviation of ability, with its interval; 0 tells nothing.
-        n_cells: Cases in the stratum.
-    """
-
-    stratum: str
-    slope: Estimate
-    n_cells: int
-
-
-_SLOPE_SD, _DIFFICULTY_SD = 1.0, 3.0
-_STEP = 1e-4
-
-
-def fit_discrimination(
-    successes: np.ndarray, trials: np.ndarray, strata: Sequence[str], level: float = 0.95
-) -> tuple[Discrimination, ...]:
-    """Fit a two-parameter logistic model whose slope is shared by the cases of a stratum.
-
-    P(success) = 1 / (1 + exp(-a_s (b_j - d_i))), b_j ~ N(0, 1), d_i ~ N(0, 3^2), ln a_s ~ N(0, 1)
-
-    The mode is found by L-BFGS; a slope is a_s times the standard deviation of the b_j, and the intervals of its
-    logarithm are normal, from the curvature at the mode. With 24 entries and 72 runs of each in a stratum, 90 to 94 %
-    of such intervals hold the truth and the slopes are 2 to 4 % too steep; with 8 entries and 6 runs of each, 78 to
-    87 %, and 1.6 to 2 times too steep: then read their order only.
-
-    Args:
-        successes: (n_cells, n_entries) counts.
-        trials: (n_cells, n_entries) counts; 0 where an entry did not fly.
-        strata: Label of each cell.
-
-    Returns:
-        One for each stratum, in the order in which they come.
-
-    Source:
-        Birnbaum 1968, in Lord and Novick, Statistical Theories of Mental Test Scores, chapter 17; priors: Mislevy 1986,
-        doi:10.1007/BF02293979. One slope for a stratum: chosen, since a case alone has too few runs.
-    Held by:
-        extensions/bench/tests/unit/statistics/test_difficulty.py (simulated strata)
-    """
-    from scipy import optimize
-
-    successes, trials = np.asarray(successes, dtype=np.float64), np.asarray(trials, dtype=np.float64)
-    if successes.ndim != 2 or successes.shape != trials.shape or len(strata) != len(successes):
-        raise ShapeError(
-            "successes, trials, strata: expected one shape (n_cells, n_entries) and a stratum for each cell, were "
-            f"{successes.shape}, {trials.shape} and {len(strata)}."
-        )
-    names = list(dict.fromkeys(strata))
-    group = np.array([names.index(name) for name in strata])
-    n_cells, n_groups = len(successes), len(names)
-
-    def loss_and_gradient(place: np.ndarray) -> tuple[float, np.ndarray]:
-        log_a, d, b = np.split(place, [n_groups, n_groups + n_cells])
-        a = np.exp(log_a)[group][:, None]
-        logit = a * (b[None, :] - d[:, None])
-        value = np.sum(trials * np.logaddexp(0.0, logit) - successes * logit)
-        value += np.sum(log_a**2) / (2 * _SLOPE_SD**2) + np.sum(d**2) / (2 * _DIFFICULTY_SD**2) + np.sum(b**2) / 2
-        excess = trials * 0.5 * (1.0 + np.tanh(0.5 * logit)) - successes
-        of_slope = np.bincount(group, weights=np.sum(excess * logit, axis=1), minlength=n_groups)
-        gradient = np.concatenate([of_slope, -np.sum(excess * a, axis=1), np.sum(excess * a, axis=0)])
-        return float(value), gradient + np.concatenate([log_a / _SLOPE_SD**2, d / _DIFFICULTY_SD**2, b])
-
-    start = np.zeros(n_groups + n_cells + successes.shape[1])
-    # Abilities that are all 0 are a saddle: the rates of entries and cases give the side.
-    shares = successes.sum(axis=0) / np.maximum(trials.sum(axis=0), 1.0)
-    start[n_groups + n_cells :] = shares - shares.mean()
-    found = optimize.minimize(
-        loss_and_gradient, start, jac=True, method="L-BFGS-B", options={"maxiter": 5000, "ftol": 1e-13, "gtol": 1e-7}
-    )
-    place = np.asarray(found.x)
-    if np.abs(loss_and_gradient(place)[1]).max() > 1e-2:
-        raise ModelError("Two-parameter logistic model: not converged. Give more runs of each case.")
-    steps = np.eye(place.size) * _STEP
-    curvature = np.stack(
-        [(loss_and_gradient(place + s)[1] - loss_and_gradient(place - s)[1]) / (2 * _STEP) for s in steps]
-    )
-    covariance = np.linalg.inv(0.5 * (curvature + curvature.T))
-    # The mode has all abilities too close together and all slopes too steep; their product is what the runs tell.
-    b = place[n_groups + n_cells :]
-    of_scale = np.zeros_like(place)
-    of_scale[n_groups + n_cells :] = (b - b.mean()) / (b.size * b.var())
-    log_slope = place[:n_groups] + np.log(b.std())
-    directions = np.eye(n_groups, place.size) + of_scale
-    error = np.sqrt(np.einsum("ij,jk,ik->i", directions, covariance, directions))
-    z = two_sided_z(level)
-    return tuple(
-        Discrimination(
-            stratum=name,
-            slope=Estimate(
-                float(np.exp(log_slope[k])), float(np.exp(log_slope[k] - z * error[k])),
-                float(np.exp(log_slope[k] + z * error[k])),
-                int(trials[group == k].sum()),
-            ),
-            n_cells=int(np.sum(group == k)),
-        )
-        for k, name in enumerate(names)
-    )  # fmt: skip
 
 
 def grades(difficulty: np.ndarray) -> list[str]:

@@ -3,6 +3,7 @@
 import importlib.util
 import itertools
 import json
+import math
 import re
 import sys
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import synthetic
 
+from gslcosim.base.errors import ShapeError
 from gslcosim_bench.report.number_formats import format_points
 
 SCRIPT = Path(__file__).parents[5] / "docs" / "studies" / "open_2026.py"
@@ -24,6 +26,8 @@ SWEEP = synthetic.Method(name="sweep", success=0.9, mean_s=40.0)
 def study():
     spec = importlib.util.spec_from_file_location("open_2026", SCRIPT)
     module = importlib.util.module_from_spec(spec)
+    # Dataclasses look their module up.
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -166,3 +170,47 @@ def test_the_page_has_the_figures_of_the_published_flights(monkeypatch, capsys):
     assert all(line in page for line in places)
     far = re.search(r"(\d+) 2 m and more away, (\d+) of these among walls; (\d+) runs met no gas", printed)
     assert f"{far[3]} of the 290 runs met no gas, and {far[1]} declarations were 2 m and more away, {far[2]} " in page
+
+
+def test_coverage_is_the_limit_over_the_sweeps_median_time(study):
+    assert study.coverage_ratio(np.array([50.0, 100.0, 400.0]), 300.0) == pytest.approx(3.0)
+    assert study.coverage_ratio(np.array([50.0, math.nan, math.inf]), 300.0) == 0.0
+    assert math.isnan(study.coverage_ratio(np.array([]), 300.0))
+    assert [study.coverage_stratum(ratio) for ratio in (0.0, 1.0, 1.9, 2.0, 3.9, 4.0, 50.0)] == [
+        study.STRATA[i] for i in (0, 1, 1, 2, 2, 3, 3)
+    ]
+    assert study.coverage_stratum(math.nan) == ""
+
+
+def simulated_strata(seed, slopes, *, n_cells=12, n_entries=24, n=6):
+    rng = np.random.default_rng(seed)
+    ability = rng.normal(size=n_entries)
+    ability = (ability - ability.mean()) / ability.std()
+    difficulty = rng.normal(size=n_cells * len(slopes))
+    slope = np.repeat(slopes, n_cells)[:, None]
+    p = 1.0 / (1.0 + np.exp(-slope * (ability[None, :] - difficulty[:, None])))
+    trials = np.full(p.shape, n)
+    return rng.binomial(trials, p), trials, np.repeat([f"stratum {a:g}" for a in slopes], n_cells).tolist()
+
+
+def test_discrimination_holds_the_slopes_that_are_true(study):
+    slopes = (0.4, 1.0, 2.5)
+    found, n_held = [], 0
+    for seed in range(8):
+        fits = study.fit_discrimination(*simulated_strata(seed, slopes))
+        assert [fit.stratum for fit in fits] == ["stratum 0.4", "stratum 1", "stratum 2.5"]
+        assert [(fit.n_cells, fit.slope.n) for fit in fits] == [(12, 12 * 24 * 6)] * 3
+        assert fits[0].slope.high < fits[1].slope.low < fits[1].slope.high < fits[2].slope.low
+        n_held += sum(fit.slope.low <= a <= fit.slope.high for fit, a in zip(fits, slopes, strict=True))
+        found.append([fit.slope.value for fit in fits])
+    assert np.mean(found, axis=0) == pytest.approx(slopes, rel=0.15)
+    assert n_held >= 18, "of 24 intervals, of which 22 are expected to hold the truth"
+
+
+def test_a_stratum_of_coin_flips_tells_entries_apart_by_little(study):
+    fits = study.fit_discrimination(*simulated_strata(3, (0.0, 2.0)))
+    assert fits[0].slope.value < 0.4
+    assert fits[0].slope.high < fits[1].slope.low
+    assert fits[1].slope.low > 1.0
+    with pytest.raises(ShapeError, match="a stratum for each cell"):
+        study.fit_discrimination(np.ones((2, 2)), np.ones((2, 2)), ["a"])

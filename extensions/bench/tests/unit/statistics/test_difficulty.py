@@ -6,12 +6,8 @@ from scipy import optimize, stats
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.difficulty import (
-    STRATA,
     contact_difficulty,
-    coverage_ratio,
-    coverage_stratum,
     distance_difficulty,
-    fit_discrimination,
     fit_rasch,
     geometric_difficulty,
     grades,
@@ -112,41 +108,6 @@ def test_wind_that_turns_in_time_counts_as_wind_that_turns_along_the_way():
     direction_rad = np.random.default_rng(3).normal(1.0, 0.7, (20, 50))
     means = toward(direction_rad.reshape(-1)).reshape(20, 50, 2).mean(axis=1)
     assert wind_difficulty(means) == pytest.approx(wind_difficulty(toward(direction_rad.reshape(-1))))
-
-
-def test_coverage_is_the_limit_over_the_sweeps_median_time():
-    assert coverage_ratio(np.array([50.0, 100.0, 400.0]), 300.0) == pytest.approx(3.0)
-    assert coverage_ratio(np.array([50.0, math.nan, math.inf]), 300.0) == 0.0
-    assert math.isnan(coverage_ratio(np.array([]), 300.0))
-    assert [coverage_stratum(ratio) for ratio in (0.0, 1.0, 1.9, 2.0, 3.9, 4.0, 50.0)] == [
-        STRATA[0], STRATA[1], STRATA[1], STRATA[2], STRATA[2], STRATA[3], STRATA[3],
-    ]  # fmt: skip
-    assert coverage_stratum(math.nan) == ""
-
-
-def simulated_strata(seed, slopes, *, n_cells=12, n_entries=24, n=6):
-    rng = np.random.default_rng(seed)
-    ability = rng.normal(size=n_entries)
-    ability = (ability - ability.mean()) / ability.std()
-    difficulty = rng.normal(size=n_cells * len(slopes))
-    slope = np.repeat(slopes, n_cells)[:, None]
-    p = 1.0 / (1.0 + np.exp(-slope * (ability[None, :] - difficulty[:, None])))
-    trials = np.full(p.shape, n)
-    return rng.binomial(trials, p), trials, np.repeat([f"stratum {a:g}" for a in slopes], n_cells).tolist()
-
-
-def test_discrimination_holds_the_slopes_that_are_true():
-    slopes = (0.4, 1.0, 2.5)
-    found, n_held = [], 0
-    for seed in range(8):
-        fits = fit_discrimination(*simulated_strata(seed, slopes))
-        assert [fit.stratum for fit in fits] == ["stratum 0.4", "stratum 1", "stratum 2.5"]
-        assert [(fit.n_cells, fit.slope.n) for fit in fits] == [(12, 12 * 24 * 6)] * 3
-        assert fits[0].slope.high < fits[1].slope.low < fits[1].slope.high < fits[2].slope.low
-        n_held += sum(fit.slope.low <= a <= fit.slope.high for fit, a in zip(fits, slopes, strict=True))
-        found.append([fit.slope.value for fit in fits])
-    assert np.mean(found, axis=0) == pytest.approx(slopes, rel=0.15)
-    assert n_held >= 18, "of 24 intervals, of which 22 are expected to hold the truth"
 
 
 def toward(direction_rad):
