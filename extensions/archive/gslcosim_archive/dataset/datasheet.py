@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pyarrow.compute as pc
 
 from gslcosim_archive.dataset.croissant import Publication, PublishedFile, build_citation
 from gslcosim_archive.dataset.tables import LEFT_OUT, Origin, PublishedTable, remove_folders
+from gslcosim_bench.report.templates import build_environment
 from gslcosim_bench.store import WALL, ManifestEntry, ResultsManifest
 from gslcosim_data.text_tables import escape_markdown, format_code, format_markdown_table
 
@@ -135,11 +135,9 @@ def build_datasheet(
         for entry in origin.manifest.get("entries", []):
             known.setdefault(entry["name"], entry)
     manifests = [(origin.name, origin.manifest) for origin in origins]
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent), trim_blocks=True, undefined=jinja2.StrictUndefined
-    )
+    environment = build_environment([Path(__file__).parent], is_html=False)
     # Names of others are text and no markup.
-    environment.filters |= {"text": lambda text: escape_markdown(remove_folders(text)), "code": format_code}
+    environment.filters["text"] = lambda text: escape_markdown(remove_folders(text))
     return environment.get_template("datasheet.md.jinja").render(
         publication=publication,
         example=EXAMPLE,

@@ -23,7 +23,7 @@ from gslcosim_bench.report.page import (
     MOST_LISTED,
     LineStyle,
     assign_line_styles,
-    build_environment,
+    build_page_environment,
     build_page_values,
     describe_entry,
     describe_room,
@@ -169,7 +169,7 @@ def _first_page(analysis: Analysis) -> Analysis:
 
 
 def _environment(site: _Site, root: str) -> jinja2.Environment:
-    environment = build_environment(
+    environment = build_page_environment(
         [PAGE_FOLDER, FOLDER],
         entry_name=partial(_link_with_seal, site, root),
         case_name=partial(_link_of_case, site, root),

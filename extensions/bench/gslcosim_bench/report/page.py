@@ -21,6 +21,7 @@ from gslcosim_bench.report.curves import RADII_M, limit_s
 from gslcosim_bench.report.plans import PlanDrawing
 from gslcosim_bench.report.report_data import ReportData, ReportEntry
 from gslcosim_bench.report.tables import describe_provenance
+from gslcosim_bench.report.templates import build_environment
 from gslcosim_bench.report.tracks import QUANTA
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.store import TRIAL_COLUMNS
@@ -48,7 +49,7 @@ class LineStyle:
 
 def render_page(analysis: Analysis) -> str:
     """Return the page as HTML."""
-    environment = build_environment([FOLDER])
+    environment = build_page_environment([FOLDER])
     return environment.get_template("report.html").render(
         **build_page_values(analysis),
         css=Markup(read_page_file("report.css")),
@@ -56,7 +57,7 @@ def render_page(analysis: Analysis) -> str:
     )
 
 
-def build_environment(
+def build_page_environment(
     folders: Sequence[Path],
     *,
     entry_name: Callable[[ReportEntry], Markup] | None = None,
@@ -69,11 +70,7 @@ def build_environment(
         entry_name: Markup of an entry's name, for example a link; absent: the name.
         case_name: Markup of a case's name and, unless it is empty, one of its trials; absent: the name.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folders), autoescape=True, trim_blocks=True, lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
-    environment.filters |= {"duration": number_formats.format_duration}
+    environment = build_environment(folders)
     environment.globals |= {
         "entry_name": entry_name or (lambda entry: make_breakable(entry.name)),
         "case_name": case_name or (lambda case, _="": escape(case)),

@@ -8,17 +8,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from PIL import Image, ImageDraw
 
 from gslcosim_bench.cases.models import LOWER_ANCHOR
 from gslcosim_bench.report.plans import shade
 from gslcosim_bench.report.report_data import parse_map
+from gslcosim_bench.report.templates import build_environment
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.store import ResultsFolder, Tracks, unpack_tracks
 from gslcosim_bench.studies.failures import CaseOutcome, Contrast, FailureSearch, RankedFailure
 from gslcosim_bench.studies.output import write_text
-from gslcosim_data.text_tables import escape_markdown, format_markdown_table
+from gslcosim_data.text_tables import format_markdown_table
 
 FAILURES_SCHEMA = "gslcosim/failures/1"
 PICTURES, MARKDOWN, PAGE = "pictures", "failures.md", "failures.html"
@@ -154,11 +154,7 @@ def render_failures(
         name: Which of the two.
         pictures: PNG of cases, by the name of the case.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "page"), autoescape=name == PAGE, trim_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
-    environment.filters["md"] = escape_markdown
+    environment = build_environment([Path(__file__).parent / "page"], is_html=name == PAGE)
     contrasts = [_contrast_cells(each) for each in list_clear_contrasts(search)]
     text = environment.get_template(f"{name}.jinja").render(
         title=f"Failures of {search.entry} in {search.space.name}",
