@@ -13,6 +13,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from gslcosim.environment.plan_view import space_arrows
 from gslcosim.methods.card import MethodCard
 from gslcosim_archive.site.facts import CaseFacts, MethodFacts, describe_cases, describe_methods
 from gslcosim_archive.site.file_names import assign_file_names
@@ -294,12 +295,8 @@ def _plan_file(site: _Site, room: PlanDrawing) -> str:
 def _wind_strokes(plan: EnvironmentMap | None) -> list[list[float]]:
     if plan is None or plan.wind_toward is None:
         return []
-    every = max(1, -(-max(plan.occupied.shape) // _WIND_PER_SIDE))
-    found: list[list[float]] = []
-    for i in range(every // 2, plan.occupied.shape[0], every):
-        for j in range(every // 2, plan.occupied.shape[1], every):
-            toward = plan.wind_toward[i, j]
-            if not plan.occupied[i, j] and np.isfinite(toward).all() and np.hypot(*toward) > 0.0:
-                place = (origin + (k + 0.5) * plan.cell_m for origin, k in zip(plan.origin_m, (i, j), strict=True))
-                found.append([round(float(x), 2) for x in (*place, *toward)])
-    return found
+    toward = plan.wind_toward
+    is_blowing = ~plan.occupied & np.isfinite(toward).all(axis=-1) & (np.hypot(toward[..., 0], toward[..., 1]) > 0.0)
+    cells, _ = space_arrows(is_blowing, _WIND_PER_SIDE)
+    places_m = np.array(plan.origin_m) + (cells + 0.5) * plan.cell_m
+    return np.round(np.concatenate([places_m, toward[tuple(cells.T)]], axis=1), 2).tolist()
