@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from gslcosim.base.errors import ShapeError
 from gslcosim_bench.statistics.estimates import SEED, Estimate, percentile_interval
@@ -114,16 +115,9 @@ def spectral_density(values: F64, step_s: float, *, n_segment: int) -> tuple[F64
     """Return frequencies [1/s] and density of a record, by Welch's method: half-overlapping Hann windows."""
     if len(values) < n_segment:
         raise ShapeError(f"spectrum: expected at least {n_segment} values, was {len(values)}.")
-    window = np.hanning(n_segment)
-    starts = range(0, len(values) - n_segment + 1, n_segment // 2)
-    pieces = np.stack([values[i : i + n_segment] for i in starts])
-    waves = np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)), axis=1)
-    power: F64 = (np.abs(waves) ** 2).mean(axis=0)
-    return _frequencies_hz(n_segment, step_s), 2.0 * step_s * power[1:] / float((window**2).sum())
-
-
-def _frequencies_hz(n_segment: int, step_s: float) -> F64:
-    return np.arange(1, n_segment // 2 + 1, dtype=np.float64) / (n_segment * step_s)
+    window, overlap = np.hanning(n_segment), n_segment - n_segment // 2
+    frequency_hz, density = signal.welch(values, 1.0 / step_s, window=window, noverlap=overlap, detrend="constant")
+    return frequency_hz[1:], density[1:]
 
 
 def spectral_slope(frequency_hz: F64, density: F64, *, low_hz: float, high_hz: float) -> float:
@@ -222,7 +216,7 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
     blocks = [
         _analyse_block(values[i * n_block : (i + 1) * n_block], settings, n_segment) for i in range(settings.n_blocks)
     ]
-    frequency_hz = _frequencies_hz(n_segment, settings.step_s)
+    frequency_hz = np.fft.rfftfreq(n_segment, settings.step_s)[1:]
     found = _figures(blocks, frequency_hz, settings)
     rng = np.random.default_rng(seed)
     draws = [
