@@ -44,8 +44,3 @@ def test_the_settings_of_other_models_are_refused(model):
 def test_a_setting_without_a_meaning_is_refused_even_at_its_default(model, settings):
     with pytest.raises(ValidationError):
         make_sensor_spec(model=model, name="s", **settings)
-
-
-def test_each_setting_says_what_it_means():
-    fields = [field for block in SENSOR_BLOCKS.values() for field in block.model_fields.items()]
-    assert [name for name, field in fields if not field.description and name not in VALUES] == []
