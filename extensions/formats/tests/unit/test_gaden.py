@@ -11,7 +11,6 @@ from gslcosim.environment.model import Cell, Grid
 from gslcosim.environment.openings import voxelize
 from gslcosim_formats.data_files import format_occupancy
 from gslcosim_formats.environment_folders import import_gaden, is_gaden, load_gaden_geometry
-from gslcosim_formats.wind_files import NoWindWarning
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))
 
@@ -47,15 +46,6 @@ def test_a_scenario_becomes_a_room(scenario, codes):
     np.testing.assert_array_equal(voxelize(room.boxes, room.grid), codes == Cell.SOLID)
     (outlet,) = room.openings
     assert (outlet.kind, outlet.min_m, outlet.max_m) == ("outlet", (2.0, -1.0, 0.5), (2.0, 0.0, 1.5))
-
-
-def test_the_file_itself_may_be_named(scenario):
-    assert load_gaden_geometry(scenario / "OccupancyGrid3D.csv").name == "10x6_room"
-
-
-def test_a_room_without_wind_says_so(scenario):
-    with pytest.warns(NoWindWarning, match="10x6_room has no wind: all 24 cells are still air"):
-        assert not import_gaden(scenario).wind.velocity_m_s.any()
 
 
 @pytest.mark.parametrize(
@@ -150,14 +140,6 @@ def cells(*parts):
 )
 def test_connected_outlets_are_an_opening_on_each_face_where_they_lie_flat(tmp_path, codes, expected):
     assert [place for _, *place in openings_of(tmp_path, codes)] == [[*map(tuple, place)] for place in expected]
-
-
-def test_open_sides_and_roof_of_outdoors_are_five_openings(tmp_path):
-    codes = band((12, 9, 8), slice(0, 8))
-    codes[..., -1] = Cell.OUTLET
-    faces = openings_of(tmp_path, codes)
-    assert len(faces) == 5
-    assert faces[-1][1:] == ((0.0, 0.0, 4.0), (6.0, 4.5, 4.0))
 
 
 def test_the_air_between_open_sides_does_not_go_through_what_stands_there():

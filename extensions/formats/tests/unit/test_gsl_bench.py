@@ -1,11 +1,10 @@
 """GSL-Bench folders: the counts of the published environments, and what is refused."""
 
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from reference_data import ENVIRONMENTS, needs_environments
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.grid_kernels import find_air_cells
@@ -14,12 +13,6 @@ from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment, save_environment
 from gslcosim_formats.environment_folders import import_gsl_bench, load_gsl_bench_geometry
 from gslcosim_formats.wind_files import NoWindWarning
-
-REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
-ENVIRONMENTS_DIR = REFERENCE_DIR / "gsl-bench" / "environments"
-needs_reference = pytest.mark.skipif(
-    not ENVIRONMENTS_DIR.is_dir(), reason=f"GSLCOSIM_REFERENCE: no GSL-Bench environments in {ENVIRONMENTS_DIR}"
-)
 
 HEAD = {"env_min": [-0.2, 0.0, 0.0], "env_max": [1.8, 1.2, 0.8], "num_cells": [10, 6, 4], "cell_size": 0.2}
 
@@ -47,13 +40,13 @@ def refusal(folder):
     return str(error.value)
 
 
-@needs_reference
+@needs_environments
 @pytest.mark.parametrize(
     ("name", "n_free", "n_solid", "n_outlet"),
     [("001", 218936, 17859, 365), ("003", 203238, 33557, 365), ("005", 191563, 45232, 365)],
 )
 def test_the_published_environments_have_their_counts_of_cells(name, n_free, n_solid, n_outlet):
-    room = load_gsl_bench_geometry(ENVIRONMENTS_DIR / name)
+    room = load_gsl_bench_geometry(ENVIRONMENTS / name)
     assert np.bincount(room.occupancy.ravel()).tolist() == [n_free, n_solid, n_outlet]
     assert room.grid.shape == (77, 77, 40)
     assert [opening.kind for opening in room.openings] == ["inlet", "outlet"]

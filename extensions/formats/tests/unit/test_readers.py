@@ -1,21 +1,14 @@
 """Rooms that scenarios name by folders and files."""
 
-import os
-from pathlib import Path
-
-import pytest
+from reference_data import ENVIRONMENTS, needs_environments
 
 from gslcosim.environment.geometry_source import build_geometry, find_source_problems
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
-REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
-ROOM_1 = REFERENCE_DIR / "gsl-bench" / "environments" / "001"
-needs_reference = pytest.mark.skipif(
-    not ROOM_1.is_dir(), reason=f"GSLCOSIM_REFERENCE: no GSL-Bench environments in {REFERENCE_DIR}"
-)
+ROOM_1 = ENVIRONMENTS / "001"
 
 
-@needs_reference
+@needs_environments
 def test_inlets_of_an_imported_room_have_the_scenario_s_wind():
     spec = EnvironmentSpec(gsl_bench=str(ROOM_1))
     room = build_geometry(spec, WindSpec(inlet_velocity_m_s=(0.7, 0.0, 0.0)))
@@ -23,7 +16,7 @@ def test_inlets_of_an_imported_room_have_the_scenario_s_wind():
     assert velocities == {"inlet": (0.7, 0.0, 0.0), "outlet": (0.0, 0.0, 0.0)}
 
 
-@needs_reference
+@needs_environments
 def test_wind_that_does_not_enter_an_imported_room_is_a_problem():
     spec = EnvironmentSpec(gsl_bench=str(ROOM_1))
     (problem,) = find_source_problems(spec, WindSpec(inlet_velocity_m_s=(-1.0, 0.0, 0.0)))

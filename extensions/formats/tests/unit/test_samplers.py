@@ -1,6 +1,5 @@
 """Gas and wind of one instant, from folders and from rooms."""
 
-import gaden_writers as gaden
 import numpy as np
 import pytest
 
@@ -16,7 +15,6 @@ from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
 
 THROUGH_WALLS = ViewOptions(has_line_of_sight=False)
-PLACES = gaden.POSITIONS_M[:2]
 
 
 @pytest.fixture

@@ -27,7 +27,6 @@ PANE = mesh("pane of glass", trimesh.creation.box(bounds=[(2.0, 1.0, 0.2), (2.1,
 
 @pytest.fixture
 def environment():
-    """A room with a shelf of two meshes."""
     shelf = BoxSpec(name="shelf", min_m=(1.0, 1.0, 0.0), max_m=(2.0, 1.3, 1.1))
     room = build_layout(LayoutSpec(size_m=(4.0, 3.0, 2.0), obstacles=(shelf,)), WindSpec(cell_m=0.5))
     room = dataclasses.replace(room, meshes=(TANK, PANE))
@@ -47,12 +46,6 @@ def test_a_folder_gives_back_the_meshes_it_was_saved_with(environment, tmp_path)
     assert (tmp_path / "room" / "visual.glb").read_bytes() == encode_glb(environment.meshes)
     check_same(load_environment(tmp_path / "room", with_meshes=True).meshes, environment.meshes)
     assert load_environment(tmp_path / "room").meshes == ()
-
-
-def test_a_folder_without_meshes_has_no_file_of_them(environment, tmp_path):
-    save_environment(dataclasses.replace(environment, meshes=()), tmp_path / "room")
-    assert not (tmp_path / "room" / "visual.glb").exists()
-    assert load_environment(tmp_path / "room", with_meshes=True).meshes == ()
 
 
 def test_other_programs_find_the_file_upright_and_in_its_colours(environment):

@@ -82,14 +82,6 @@ def test_tables_of_points_are_read_by_the_names_of_their_columns(tmp_path, wind,
     np.testing.assert_array_equal(frame(tmp_path / "wind_0.csv"), wind)
 
 
-def test_further_columns_and_their_texts_are_passed_over(tmp_path, wind):
-    path = tmp_path / "spreadsheet.csv"
-    rows = zip(wind.reshape(-1, 3), GRID.centres_m().reshape(-1, 3), strict=True)
-    lines = [f"cell,{u},{v},{w},9.9,{x},{y},{z}" for (u, v, w), (x, y, z) in rows]
-    path.write_text("\r\n".join(['"Block","U:0","U:1","U:2","U:Magnitude","Points:0","Points:1","Points:2"', *lines]))
-    np.testing.assert_array_equal(frame(path), wind)
-
-
 def test_raw_sets_of_openfoam_are_read(tmp_path, wind):
     rows = np.concatenate([GRID.centres_m().reshape(-1, 3), wind.reshape(-1, 3)], axis=1)
     text = "\n".join("\t".join(map(repr, row)) for row in rows.tolist())
@@ -119,17 +111,6 @@ def test_cells_without_a_sample_are_counted_and_still(tmp_path, wind):
     with pytest.warns(WindGapsWarning, match=r"points.csv: 3 of 24 air cells have no sample .*; 1 samples lie outside"):
         read = frame(path)
     assert (~read.any(axis=-1)).sum() == 3
-
-
-def test_solid_cells_need_no_sample(tmp_path, wind):
-    path = tmp_path / "points.csv"
-    write_points(path, wind)
-    occupancy = np.zeros(GRID.shape, np.uint8)
-    *lines, last = path.read_text().splitlines()
-    path.write_text("\n".join(lines))
-    point = np.array([float(word) for word in last.split(",")[3:]])
-    occupancy[tuple(GRID.cell_of(point))] = Cell.SOLID
-    assert frame(path, occupancy=occupancy).shape == (2, 3, 4, 3)
 
 
 def test_points_in_another_unit_are_refused(tmp_path, wind):
@@ -213,13 +194,6 @@ def test_sets_of_openfoam_over_time_are_a_series(tmp_path, wind):
     np.testing.assert_array_equal(frames.velocity_m_s, [wind, wind + 1])
 
 
-def test_uneven_times_are_reported(tmp_path, wind):
-    for name in ("1", "2", "4"):
-        write_foam(tmp_path / name, wind)
-    with pytest.warns(WindGapsWarning, match=r"times 1, 2, 4 s are not evenly spaced"):
-        assert load_wind(tmp_path, GRID).period_s == 1.5
-
-
 def test_a_case_without_cell_centres_says_how_to_get_them(tmp_path, wind):
     write_foam(tmp_path / "5", wind)
     (tmp_path / "5" / "C").unlink()
@@ -237,12 +211,6 @@ def test_a_series_is_in_the_order_of_its_numbers(tmp_path, wind):
     (tmp_path / "at_cell_centers_4.csv").unlink()
     with pytest.raises(EnvironmentDataError, match="frames 0 to 10 without a gap, was none with number 4"):
         load_wind(tmp_path, GRID)
-
-
-def test_component_files_come_before_the_tables_that_they_were_made_from(tmp_path, wind):
-    write_points(tmp_path / "wind_0.csv", wind)
-    write_components(tmp_path, 2 * wind)
-    np.testing.assert_array_equal(frame(tmp_path), 2 * wind)
 
 
 def test_several_series_in_a_folder_are_named(tmp_path, wind):
@@ -415,13 +383,6 @@ def test_blanks_of_arrays_and_results_are_named_by_their_cell(tmp_path, wind):
     for name in ("own.npy", "cells.npy", "wind_iteration_0"):
         with pytest.raises(EnvironmentDataError, match=r"9\.96921e\+36 in cell \[1, 2, 3\], which is no value"):
             load_wind(tmp_path / name, GRID)
-
-
-def test_blanks_with_decimals_are_known_in_single_precision(tmp_path, wind):
-    wind[1, 2, 3, 0] = -99.99
-    np.save(tmp_path / "own.npy", wind.astype(np.float32))
-    with pytest.raises(EnvironmentDataError, match=r"-99\.99 in cell \[1, 2, 3\], which is no value"):
-        load_wind(tmp_path / "own.npy", GRID)
 
 
 def write_case(folder, wind, times, places):

@@ -71,10 +71,6 @@ def test_a_folder_named_like_the_package_does_not_take_its_place(tmp_path, monke
     assert result.value == find_package(0)
 
 
-def test_no_tasks_need_no_worker():
-    assert list(run_tasks(square, [], 2)) == []
-
-
 # Workers import this module too, and know nothing of what tests share.
 @pytest.fixture
 def has_ended():

@@ -1,12 +1,12 @@
 """Anchors and goals of published campaigns stand beside their data alone, whatever folders are called."""
 
 import hashlib
-import json
 import math
 import shutil
 
 import numpy as np
 import pytest
+from laser_campaigns import write_lasers
 from mast_campaigns import write_campaign
 
 from gslcosim_validation import read_measured
@@ -14,25 +14,6 @@ from gslcosim_validation.cases import load_case
 from gslcosim_validation.page import make_storable, render_page, summarise_goals
 from gslcosim_validation.readers import folder as folders
 from gslcosim_validation.results import CaseResult, Comparison, Goal, plain_estimate
-
-
-def write_lasers(folder, source="source_1"):
-    """Write minutes of two beams whose source has the name of one of Chilbolton's."""
-    folder.mkdir(parents=True)
-    layout = {
-        "instrument_m": [0, 0, 1.6],
-        "reflectors_m": {"reflector_1": [40, 10, 1.6], "reflector_2": [10, 40, 1.6]},
-        "sources": {source: {"place_m": [15, 12, 0.3], "rate_kg_s": 4e-4}},
-    }
-    (folder / "layout.json").write_text(json.dumps(layout))
-    wind = [f"wind_{axis}_m_s" for axis in "xyz"] + [f"wind_{axis}_std_m_s" for axis in "xyz"]
-    air = ["air_temperature_k", "pressure_pa", "tan_gamma_horizontal", "tan_gamma_vertical"]
-    rows = [",".join(["release", "clock_time", *wind, *air, "ch4_beam_1_ppm", "ch4_beam_2_ppm"])]
-    for i in range(40):
-        u, v = 2.0 * math.cos(i), 2.0 * math.sin(i)
-        rows.append(f"r1,2030-01-01T00:{i:02}:00,{u},{v},0,.5,.5,.3,290,101325,.3,.3,{2.0 + 0.1 * (i % 7)},2.1")
-    (folder / f"minutes_{source}.csv").write_text("\n".join(rows) + "\n")
-    return folder
 
 
 @pytest.mark.parametrize("name", ["metec", "stanford", "our_yard"])
@@ -49,7 +30,7 @@ def test_masts_of_others_have_neither_anchors_nor_goals_of_a_campaign(tmp_path, 
 
 @pytest.mark.parametrize("name", ["chilbolton", "field"])
 def test_lasers_of_others_have_neither_anchors_nor_goals_of_a_campaign(tmp_path, name):
-    data = read_measured(write_lasers(tmp_path / name))
+    data = read_measured(write_lasers(tmp_path / name, "source_1"))
     rows = load_case("laser-source").run(data, "quick").rows
     assert {(row.anchor, row.goal) for row in rows} == {("", None)}
     rows = load_case("laser-forward").run(data, "quick").rows

@@ -6,7 +6,6 @@ from gslcosim_validation.readers.mast_network import LoggedRelease
 
 
 def release(start_s, end_s):
-    """Return a release."""
     return LoggedRelease(1, start_s, end_s, "well", None, 1e-4)
 
 

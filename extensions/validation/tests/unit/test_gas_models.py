@@ -41,14 +41,6 @@ def test_the_preset_of_the_page_on_gas_is_what_is_scored():
     assert yaml.safe_load(block)["gas"]["turbulence"] == dict(GAS_SETTINGS["filament, turbulence"]["turbulence"])
 
 
-def test_scores_are_those_of_each_distance():
-    rng = np.random.default_rng(1)
-    record = np.column_stack([rng.gamma(1.0, 1.0, 4000), rng.gamma(4.0, 1.0, 4000)])
-    near, far = score_plume(record)
-    assert near.intensity.value == pytest.approx(1.0, abs=0.1)
-    assert far.intensity.value == pytest.approx(0.5, abs=0.05)
-
-
 def test_the_farthest_distance_leaves_out_what_no_law_is_for():
     record = np.random.default_rng(1).gamma(1.0, 1.0, (4000, 4))
     scores = [

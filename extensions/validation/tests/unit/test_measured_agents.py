@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from mast_campaigns import PLACES_M, write_campaign
+from mast_campaigns import PLACES_M
 
 from gslcosim.base.errors import UsageError
 from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
@@ -52,14 +52,7 @@ entries:
 """
 
 
-@pytest.fixture(scope="module")
-def yard(tmp_path_factory):
-    """Return a folder with a leak at the well."""
-    return write_campaign(tmp_path_factory.mktemp("data") / "our_yard")
-
-
 def write_suite(folder, more=""):
-    """Write the agent and a suite with it; return the suite."""
     folder.mkdir()
     (folder / "largest.py").write_text(AGENT.replace("{more}", more))
     (folder / "suite.yaml").write_text(SUITE)
@@ -67,13 +60,11 @@ def write_suite(folder, more=""):
 
 
 def find_entry(name, yard, *agents):
-    """Return an entry by name."""
     (entry,) = choose_entries([name], agents, yard)
     return entry
 
 
 def run_on(entry, yard):
-    """Return the result of an entry on the only log."""
     (case,) = load_log_cases(read_measured(yard))
     return run_entry(entry, case)
 
@@ -117,57 +108,6 @@ def test_an_agent_in_a_sandbox_does_not_see_the_data(yard, tmp_path):
     result = run_on(find_entry("largest", yard, str(suite)), yard)
     assert result.fault == ""
     assert result.score.releases[0].is_touched
-
-
-CARRIES = """
-from gslcosim.agent_kit import Agent, run
-from gslcosim.contract.messages import Command, Declaration, Note
-
-
-class Carries(Agent):
-    def __init__(self, briefing):
-        self.mounts_m = {each.name: each.mount_body_m for each in briefing.sensors if each.unit == "ppm"}
-        self.since_s, self.most = None, (0.0, (0.0, 0.0, 0.0))
-
-    def decide(self, observation):
-        ppm, name = max((observation.reading(name).values[0], name) for name in self.mounts_m)
-        here_m = observation.position_world_m
-        if ppm > 3.0:
-            self.since_s = observation.time_s if self.since_s is None else self.since_s
-            self.until_s = observation.time_s
-            self.most = max(self.most, (ppm, tuple(a + b for a, b in zip(here_m, self.mounts_m[name]))))
-        if self.since_s is None or observation.time_s < self.until_s + 3600.0:
-            return Command(tick=observation.tick, kind="hold")
-        note = Note(values={"start_s": self.since_s, "end_s": self.until_s, "rate_m3_s": 0.001})
-        declared, self.since_s = Declaration(position_world_m=self.most[1]), None
-        return Command(tick=observation.tick, kind="declare_source", declaration=declared, note=note)
-
-
-if __name__ == "__main__":
-    run(Carries)
-"""
-CARD = """
-schema: gslcosim/method/1
-title: Carries all
-family: bayesian
-summary: Declares the mast with the largest reading.
-paper: ours
-needs: {sensors: {gas_ppm: 2, wind: 1}}
-declares: true
-"""
-
-
-@pytest.mark.slow
-def test_an_agent_with_several_noses_hears_the_whole_log_and_finds_events(yard, tmp_path):
-    (tmp_path / "ours").mkdir()
-    (tmp_path / "ours" / "agent.py").write_text(CARRIES)
-    (tmp_path / "ours" / "method.yaml").write_text(CARD)
-    result = run_on(find_entry("ours", yard, str(tmp_path / "ours" / "agent.py")), yard)
-    assert result.fault == ""
-    (scored,) = result.score.releases
-    assert scored.is_touched
-    assert scored.rate_ratio > 0.0
-    assert scored.overlap_frac > 0.5
 
 
 @pytest.mark.slow

@@ -47,7 +47,6 @@ def write_room(folder, *, seconds=N_SECONDS):
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory):
-    """Return the folder of a room."""
     return write_room(tmp_path_factory.mktemp("data") / "our_room")
 
 

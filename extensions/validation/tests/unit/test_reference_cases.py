@@ -1,9 +1,7 @@
 """Cases on the reference data: what they reach, which must not get lost."""
 
-import os
-from pathlib import Path
-
 import pytest
+from reference_data import MEASURED, needs_measured
 
 from gslcosim_validation import read_measured
 from gslcosim_validation.cases import load_case
@@ -11,10 +9,7 @@ from gslcosim_validation.measured_suite.estimators import ENTRIES
 from gslcosim_validation.measured_suite.logs import load_log_cases
 from gslcosim_validation.measured_suite.run import run_entry
 
-REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
-MEASURED = REFERENCE / "measured"
-
-pytestmark = pytest.mark.skipif(not MEASURED.is_dir(), reason=f"GSLCOSIM_REFERENCE: no measured data in {REFERENCE}")
+pytestmark = needs_measured
 
 
 def rows_of(case, folder, effort="full"):
@@ -36,23 +31,6 @@ def test_puffs_agree_with_masts_above_the_background_of_the_hour():
     shares = {name.split(":")[0]: row for name, row in rows.items() if "FAC2" in name and "the hour" in name}
     assert set(shares) == {"largest mast", "paired"}
     assert all(row.is_met for row in shares.values())
-
-
-@pytest.mark.slow
-def test_leaks_are_found_by_lasers():
-    assert all(row.is_met for row in rows_of("laser-source", "chilbolton", "quick").values())
-
-
-@pytest.mark.slow
-def test_leaks_are_found_by_masts():
-    rows = rows_of("network-events", "metec")
-    assert all(row.is_met is not False for row in rows.values())
-    assert rows["exact: all events that touch a release name its place"].ours.value == 8
-
-
-@pytest.mark.slow
-def test_leaks_of_one_stack_are_found_by_masts():
-    assert all(row.is_met is not False for row in rows_of("network-events", "stanford").values())
 
 
 def test_a_measured_record_is_scored_as_plumes_are():

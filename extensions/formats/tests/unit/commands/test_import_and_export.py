@@ -1,26 +1,16 @@
 """`gslcosim environment import` and `export`: what they write and tell, and what is a wrong call."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from gslcosim.base.exporters import list_exporters
 from gslcosim.cli.main import main
 from gslcosim.environment.model import Grid
 from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
-from gslcosim_formats.commands import export
 from gslcosim_formats.data_files import format_occupancy
-from gslcosim_formats.export import FORMATS, GADEN_WINDS
-
-REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[6] / "shared" / "reference"))
-ENVIRONMENTS_DIR = REFERENCE_DIR / "gsl-bench" / "environments"
-needs_reference = pytest.mark.skipif(
-    not ENVIRONMENTS_DIR.is_dir(), reason=f"GSLCOSIM_REFERENCE: no GSL-Bench environments in {ENVIRONMENTS_DIR}"
-)
 
 
 @pytest.fixture
@@ -89,27 +79,10 @@ def test_the_environment_of_a_scenario_is_exported(tmp_path, capsys):
     assert [Path(line).suffix for line in capsys.readouterr().out.splitlines()] == [".vti", ".pvd"]
 
 
-def test_formats_of_the_command_are_those_that_there_are():
-    assert sorted((*FORMATS, "fmu")) == sorted(list_exporters("environment"))
-    assert export.GADEN_WINDS == GADEN_WINDS
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (
-            ["environment", "import", "{here}/nothing", "--out", "env"],
-            "expected a scenario of GADEN (OccupancyGrid3D.csv) or an",
-        ),
         (["environment", "import", "{here}", "--out", "env"], "was a folder or file without any of them"),
-        (
-            ["environment", "import", "{here}/shed", "--wind", "{here}/no", "--out", "env"],
-            "no: expected a file, a folder",
-        ),
-        (
-            ["environment", "import", "{here}/shed", "--from", "gsl_bench", "--out", "env"],
-            "expected one file *_head.txt, was none",
-        ),
         (
             ["environment", "import", "{here}/shed", "--period", "0", "--out", "env"],
             "expected a number of seconds greater than 0",

@@ -2,23 +2,20 @@
 
 import csv
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from reference_data import ENVIRONMENTS, GSL_BENCH, needs_environments
 
 from gslcosim.cli.main import main
 from gslcosim.environment.store import save_environment
 
-REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / ".." / "shared" / "reference"))
 AS_PUBLISHED = ("--frame", "400", "--cutoff-sigma", "5", "--no-line-of-sight")
 
 
 @pytest.fixture
 def points_file(tmp_path):
-    """Write a csv file of points."""
-
     def write(text, name="points.csv"):
         path = tmp_path / name
         path.write_text(text)
@@ -34,38 +31,17 @@ def room_folder(tmp_path, make_room):
     return str(tmp_path / "room")
 
 
-@pytest.fixture(params=["001", "003", "005"])
-def gsl_bench(request):
-    """A GSL-Bench environment folder and its published grid of frame 400."""
-    folder = REFERENCE / "gsl-bench" / "environments" / request.param
-    if not folder.is_dir():
-        pytest.skip(f"no GSL-Bench data under {REFERENCE} (set GSLCOSIM_REFERENCE)")
-    return str(folder), np.load(REFERENCE / "gsl-bench" / "ppm_data" / f"ppm_env_{request.param}.npz")["arr_0"]
-
-
 def last_column(path):
     with Path(path).open() as file:
         rows = list(csv.reader(file))
     return rows[0], np.array([float(row[-1]) for row in rows[1:]])
 
 
-def test_published_mixing_ratios_come_back_at_points(gsl_bench, points_file, tmp_path, capsys):
-    folder, published = gsl_bench
-    cells = np.random.default_rng(1).integers(0, published.shape, (300, 3))
-    rows = "\n".join(",".join(map(repr, row)) for row in (0.125 + 0.25 * cells).tolist())
-    points, out = points_file(f"x_m,y_m,z_m\n{rows}\n"), tmp_path / "out.csv"
-    assert main(["environment", "sample", folder, *AS_PUBLISHED, "--points", points, "--out", str(out)]) == 0
-    header, values = last_column(out)
-    assert header == ["x_m", "y_m", "z_m", "mixing_ratio_ppm"]
-    expected = published[tuple(cells.T)]
-    assert (expected > 0.0).sum() > 20
-    np.testing.assert_allclose(values, expected, rtol=1e-9)
-    assert "300 points, mixing_ratio_ppm from" in capsys.readouterr().out
-
-
-def test_published_grids_come_back_whole(gsl_bench, tmp_path, capsys):
-    folder, published = gsl_bench
-    out = tmp_path / "out.npz"
+@needs_environments
+@pytest.mark.parametrize("number", ["001", "003", "005"])
+def test_published_grids_come_back_whole(number, tmp_path, capsys):
+    folder, out = str(ENVIRONMENTS / number), tmp_path / "out.npz"
+    published = np.load(GSL_BENCH / "ppm_data" / f"ppm_env_{number}.npz")["arr_0"]
     assert main(["environment", "sample", folder, *AS_PUBLISHED, "--grid", "0.25", "--out", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["points"] == published.size
@@ -77,24 +53,8 @@ def test_published_grids_come_back_whole(gsl_bench, tmp_path, capsys):
 
 def test_wind_has_its_speed_as_last_column(room_folder, points_file, tmp_path):
     points, out = points_file("x_m,y_m,z_m\n1,2,3\n"), tmp_path / "out.csv"
-    assert (
-        main(
-            [
-                "environment",
-                "sample",
-                room_folder,
-                "--time",
-                "0",
-                "--quantity",
-                "wind",
-                "--points",
-                points,
-                "--out",
-                str(out),
-            ]
-        )
-        == 0
-    )
+    words = ["--time", "0", "--quantity", "wind", "--points", points, "--out", str(out)]
+    assert main(["environment", "sample", room_folder, *words]) == 0
     header, values = last_column(out)
     assert header[3:] == ["wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "wind_speed_m_s"]
     assert values == pytest.approx([0.5], rel=1e-6)
@@ -118,29 +78,11 @@ def test_gas_of_a_scenario_is_released_in_an_environment(room_folder, points_fil
 
 def test_a_grid_as_csv_names_its_points(room_folder, tmp_path):
     out = tmp_path / "out.csv"
-    call = [
-        "environment",
-        "sample",
-        room_folder,
-        "--scenario",
-        "tiny_room",
-        "--time",
-        "0",
-        "--grid",
-        "1",
-        "--out",
-        str(out),
-    ]
-    assert main(call) == 0
+    words = ["--scenario", "tiny_room", "--time", "0", "--grid", "1", "--out", str(out)]
+    assert main(["environment", "sample", room_folder, *words]) == 0
     _, values = last_column(out)
     assert len(values) == 15 * 10 * 6
     assert values.max() > 0.0
-
-
-def test_a_time_or_a_frame_is_asked_for(room_folder, points_file, tmp_path, capsys):
-    points = points_file("x_m,y_m,z_m\n1,2,3\n")
-    assert main(["environment", "sample", room_folder, "--points", points, "--out", str(tmp_path / "out.csv")]) == 2
-    assert "one of the arguments --time --frame is required" in capsys.readouterr().err
 
 
 FAULTY_POINTS = [
@@ -155,18 +97,8 @@ FAULTY_POINTS = [
 
 @pytest.mark.parametrize(("text", "expected"), FAULTY_POINTS)
 def test_faulty_points_are_refused_with_their_line(room_folder, points_file, tmp_path, capsys, text, expected):
-    call = [
-        "environment",
-        "sample",
-        room_folder,
-        "--time",
-        "0",
-        "--quantity",
-        "wind",
-        "--out",
-        str(tmp_path / "out.csv"),
-    ]
-    assert main([*call, "--points", points_file(text)]) == 2
+    words = ["--time", "0", "--quantity", "wind", "--out", str(tmp_path / "out.csv"), "--points", points_file(text)]
+    assert main(["environment", "sample", room_folder, *words]) == 2
     assert expected in capsys.readouterr().err
     assert not (tmp_path / "out.csv").exists()
 

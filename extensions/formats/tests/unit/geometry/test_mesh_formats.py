@@ -74,15 +74,6 @@ def test_parts_are_scaled_then_turned_then_moved(tmp_path):
     assert extent(parts) == ([10, -1, 1], [12, 0, 2.5])
 
 
-def test_groups_and_materials_of_obj_have_names(tmp_path):
-    text = "o hall\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\ng floor\nusemtl concrete\nf 1 2 3 4\no lid\ng inlet\nf 1 3 4\n"
-    parts = load(write(tmp_path, "hall.obj", text.encode()))
-    assert sorted(len(part.faces) for part in parts) == [1, 2]
-    names = {len(part.faces): part.names for part in parts}
-    assert {"hall", "floor"} <= names[2]
-    assert {"lid", "inlet"} <= names[1]
-
-
 def test_nodes_of_gltf_stand_where_the_scene_has_them_in_their_colour(tmp_path):
     mesh = box()
     material = trimesh.visual.material.PBRMaterial(name="brass", baseColorFactor=[255, 51, 0, 102])
@@ -96,10 +87,6 @@ def test_nodes_of_gltf_stand_where_the_scene_has_them_in_their_colour(tmp_path):
     assert [(part.name, extent([part])[0][0]) for part in parts] == [("left", 0), ("right", 10)]
     assert parts[0].names == {"left", "crate", "brass"}
     assert parts[0].rgba == (1.0, 0.2, 0.0, 0.4)
-
-
-def volume_of(part):
-    return trimesh.Trimesh(part.vertices_m, part.faces).volume
 
 
 @pytest.mark.parametrize(

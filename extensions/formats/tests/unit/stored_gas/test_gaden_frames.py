@@ -30,8 +30,6 @@ VERSIONS = {
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a frame file and return its path."""
-
     def build(content, name="iteration_3"):
         path = tmp_path / name
         path.write_bytes(content)
@@ -75,12 +73,6 @@ def test_a_frame_of_2_6_that_ends_within_a_record_is_refused(write):
                 pytest.fail(f"{n_lost} bytes less: {frame}")
 
 
-def test_version_2_6_does_not_show_gas_and_source(write):
-    frame = read_gaden_frame(write(gaden.compressed(gaden.version_2_6())))
-    assert frame.gas is None
-    assert frame.source_position_m is None
-
-
 def test_inactive_filaments_are_left_out(write):
     frame = read_gaden_frame(write(gaden.compressed(gaden.version_3(active=(1, 0, 1)))))
     np.testing.assert_allclose(frame.filaments.sigma_m, gaden.SIGMAS_CM[[0, 2]] / 100, rtol=1e-6)
@@ -91,12 +83,6 @@ def test_stored_mixing_ratios_come_with_x_running_fastest(write):
     assert frame.filaments is None
     i, j, k = np.indices(gaden.CELLS)
     np.testing.assert_array_equal(frame.mixing_ratio_ppm, i + 10 * j + 100 * k)
-
-
-def test_a_frame_without_filaments_is_no_gas(write):
-    empty = {"positions_m": np.zeros((0, 3)), "sigmas_cm": np.zeros(0)}
-    frame = read_gaden_frame(write(gaden.compressed(gaden.version_1(**empty))))
-    assert len(frame.filaments.sigma_m) == 0
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,6 @@ from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import PointGrid
 
 SOURCE_M = (2.0, 5.0, 2.0)
-POINTS = np.array([(4.0, 5.0, 2.0), (6.0, 5.2, 2.1), (1.0, 5.0, 2.0)])
-WINDY = ("gaussian_plume", "meandering_plume", "farrell", "filament")
 
 
 @pytest.fixture

@@ -68,10 +68,6 @@ def test_the_wind_of_gsl_benchs_folder_is_that_of_the_frames_number(gsl_bench_fo
         fields.wind_m_s(centre_m, Instant(frame=0))
 
 
-def test_a_folder_of_another_kind_is_none(tmp_path):
-    assert find_stored_field_sampler(tmp_path) is None
-
-
 def test_gadens_frames_are_half_a_second_apart_unless_set(results):
     fields = find_stored_field_sampler(results)
     by_time = fields.gas_ppm(PLACES, Instant(time_s=0.6), THROUGH_WALLS)
@@ -80,11 +76,6 @@ def test_gadens_frames_are_half_a_second_apart_unless_set(results):
         fields.gas_ppm(PLACES, Instant(time_s=1.0), THROUGH_WALLS)
     slow = find_stored_field_sampler(results, period_s=2.0)
     assert slow.gas_ppm(PLACES, Instant(time_s=3.9), THROUGH_WALLS) == pytest.approx(by_time)
-
-
-def test_a_frame_that_is_not_there_is_refused(results):
-    with pytest.raises(EnvironmentDataError, match=r"among 0 to 1 \(2 frames\), was 7"):
-        find_stored_field_sampler(results).gas_ppm(PLACES, Instant(frame=7), THROUGH_WALLS)
 
 
 def test_grids_are_the_values_at_their_points(results):

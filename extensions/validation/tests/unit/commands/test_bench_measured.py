@@ -3,15 +3,8 @@
 import json
 
 import pytest
-from mast_campaigns import write_campaign
 
 from gslcosim.cli.main import main
-
-
-@pytest.fixture
-def yard(tmp_path):
-    """Return a folder with a leak at the well."""
-    return write_campaign(tmp_path / "our_yard")
 
 
 def test_entries_are_listed_with_what_they_found(yard, tmp_path, capsys):
@@ -27,7 +20,6 @@ def test_entries_are_listed_with_what_they_found(yard, tmp_path, capsys):
 
 
 def said(arguments, capsys):
-    """Return what a wrong call writes."""
     assert main(["bench", *arguments]) == 2
     return capsys.readouterr().err
 
@@ -62,25 +54,6 @@ def test_agents_belong_to_this_suite_alone(yard, capsys):
     assert "--agents: expected the suite measured, was smoke" in said(["run", "smoke", "--agents", "pmfs"], capsys)
     wrong = ["run", "measured", "--data", str(yard), "--agents", "pmsf"]
     assert "--agents pmsf: expected a bundled agent" in said(wrong, capsys)
-
-
-def test_a_suite_of_logs_has_no_plan(capsys):
-    assert "measured: expected a suite that is flown" in said(["plan", "measured"], capsys)
-
-
-def test_a_log_without_a_column_is_told_in_one_sentence(yard, capsys):
-    path = yard / "minutes.csv"
-    path.write_text(path.read_text().replace("wind_east_m_s", "wind_east_km_h"))
-    text = said(["run", "measured", "--data", str(yard)], capsys)
-    assert "wind_east_m_s" in text
-    assert "Traceback" not in text
-
-
-def test_readings_in_another_unit_are_told_in_one_sentence(yard, capsys):
-    path = yard / "minutes.csv"
-    path.write_text(path.read_text().replace("_ppm", "_ppb"))
-    text = said(["run", "measured", "--data", str(yard)], capsys)
-    assert "expected columns ch4_MAST_ppm, was ch4_a_ppb. Convert column ch4_a_ppb" in text
 
 
 def test_data_of_formats_without_logs_is_refused(tmp_path, capsys):
