@@ -392,6 +392,11 @@ def test_a_shard_that_is_none_is_refused(text: str) -> None:
         Shard.parse(text)
 
 
+def test_a_shard_is_read_as_it_is_written() -> None:
+    assert Shard.parse("2/8") == Shard(index=2, count=8)
+    assert str(Shard.parse("2/8")) == "2/8"
+
+
 def test_an_entry_that_varies_stands_for_one_of_each_combination(tmp_path: Path) -> None:
     entries = (
         "entries:\n  - name: beetle\n    start: {python: dung_beetle}\n    parameters: {eps: 0.1, leg_m: 2.0}\n"

@@ -94,13 +94,11 @@ class PlayedRay:
 
 @pytest.fixture(scope="module")
 def trial() -> Trial:
-    """One of the bundled suite `smoke`."""
     return build_plan(load_suite("smoke")).trials[0]
 
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[RayPool, PlayedRay]]]:
-    """Make a pool on played nodes."""
     monkeypatch.setattr(RayPool, "_on", lambda _, node: node.id)
     pools: list[RayPool] = []
 

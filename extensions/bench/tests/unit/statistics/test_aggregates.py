@@ -31,6 +31,15 @@ def test_differences_between_strata_do_not_widen_the_interval():
     assert bootstrap_mean(values).high - ours.low > 5.0
 
 
+def test_entries_with_the_same_cells_get_the_same_draws():
+    """A constant added to an entry moves its interval by that constant, to rounding."""
+    values, strata = np.random.default_rng(2).normal(size=60), np.repeat(np.arange(6), 10)
+    a, b = (bootstrap_cells(some, strata) for some in (values, values + 1.0))
+    assert (b.low, b.high) == pytest.approx((a.low + 1.0, a.high + 1.0))
+    assert a == bootstrap_cells(values, strata)
+    assert a != bootstrap_cells(values, strata, rng=np.random.default_rng(7))
+
+
 def test_each_cell_counts_the_same():
     values, cells = np.array([1.0, 1.0, 1.0, 0.0]), np.array(["a", "a", "a", "b"])
     assert bootstrap_cells(values, cells).value == pytest.approx(0.5)

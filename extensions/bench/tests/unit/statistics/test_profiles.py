@@ -27,6 +27,10 @@ def test_profile_of_a_hand_computed_example():
     assert ours.n == 4
 
 
+def test_a_profile_of_no_scenario_is_undefined():
+    assert np.all(np.isnan(performance_profile(np.array([]), np.array([]), TAU, find_sampling_units([], [], [])).value))
+
+
 def test_runtime_distribution_of_a_hand_computed_example():
     """Two trials, targets of 5 m and 1 m: three of four were met, at 10, 20 and 30 s."""
     times_s = np.array([[10.0, 30.0], [20.0, math.inf]])

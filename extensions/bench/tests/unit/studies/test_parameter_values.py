@@ -106,3 +106,10 @@ def test_a_tried_value_has_four_digits_and_stays_within_its_range():
     whole = ParameterRange(name="n", low=1, high=8, is_whole=True).rounded(3)
     assert whole == 3
     assert isinstance(whole, int)
+
+
+def test_a_range_holds_numbers_only():
+    each = ParameterRange(name="x", low=0, high=2)
+    assert each.holds(0)
+    assert each.holds(2.0)
+    assert not any(each.holds(value) for value in (2.1, True, None, "1"))

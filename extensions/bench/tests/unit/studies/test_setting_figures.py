@@ -9,7 +9,7 @@ import pytest
 
 from gslcosim_bench.statistics.estimates import bootstrap_mean
 from gslcosim_bench.statistics.rates import wilson
-from gslcosim_bench.statistics.settings import compute_difference, compute_figures, group_runs
+from gslcosim_bench.statistics.settings import compute_difference, compute_figures, group_runs, paired_p_value
 
 spec = importlib.util.spec_from_file_location("tuning_rows", Path(__file__).parent / "rows.py")
 rows = importlib.util.module_from_spec(spec)
@@ -64,3 +64,9 @@ def test_no_interval_is_reported_where_all_runs_are_equal():
     same = compute_difference(scored([0.6, 0.7]), scored([0.6, 0.7]))
     assert same.value == 0
     assert same.holds_zero
+
+
+def test_two_runs_show_no_difference_however_narrow_their_interval():
+    a, b = scored([0.8, 0.9]), scored([0.6, 0.8])
+    assert not compute_difference(a, b).holds_zero
+    assert paired_p_value(a, b) == 0.5
