@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
-from real_runs import AGENTS, TINY_ROOM, fly, fly_here, start
+from real_runs import AGENTS, TINY_ROOM, fly, fly_command, fly_here, start
 
 from gslcosim.contract.messages import Briefing
 
@@ -79,18 +79,17 @@ def test_a_temporary_directory_with_a_long_name_changes_nothing(tmp_path, monkey
     long = tmp_path / ("l" * 100)
     long.mkdir()
     monkeypatch.setenv("TMPDIR", str(long))
-    ended = fly(TINY_ROOM, tmp_path / "runs", *through("unix", "msgpack"))
+    ended = fly_command(TINY_ROOM, tmp_path / "runs", *through("unix", "msgpack"))
     assert digest_of(ended) == digest_over_zenoh
     assert list(long.glob("gslcosim-*")) == []
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "{latency: 3}"])
-def test_parity_holds_in_every_mode(tmp_path, mode):
+@pytest.mark.parametrize(("mode", "flying"), [("lockstep", fly_here), ("{latency: 3}", fly)])
+def test_parity_holds_in_every_mode(tmp_path, mode, flying):
     change = ("--set", f"agents[0].mode={mode}", *ASKED_LESS)
-    gated = fly(TINY_ROOM, tmp_path / "gated", *change, *through("stdio", "msgpack"))
-    single = fly_here(TINY_ROOM, tmp_path / "single", *change, *through("stdio", "msgpack"))
+    gated = flying(TINY_ROOM, tmp_path / "gated", *change, *through("stdio", "msgpack"))
     in_python = fly_here(TINY_ROOM, tmp_path / "kit", *change)
-    assert digest_of(in_python) == digest_of(gated) == digest_of(single)
+    assert digest_of(in_python) == digest_of(gated)
 
 
 @pytest.mark.parametrize(("door", "more"), [("tcp", ()), ("unix", ("--in-process",))])
@@ -184,7 +183,7 @@ def test_an_agent_that_cannot_connect_is_reported_why(tmp_path):
         "import os, socket; k, _, a = os.environ['GSLCOSIM_GATEWAY'].partition(':'); s = socket.socket(socket.AF_UNIX);"
         's.connect(a); s.sendall(b\'{"token": "guessed"}\\n\'); s.recv(1)'
     )
-    ended = fly(TINY_ROOM, tmp_path, *overriding([sys.executable, "-c", script], "unix", "json"))
+    ended = fly_here(TINY_ROOM, tmp_path, *overriding([sys.executable, "-c", script], "unix", "json"))
     assert ended.result["end_reason"] == "agent_failed", ended.errors
     assert "expected a first frame with the token of GSLCOSIM_TOKEN" in ended.result["faults"][0]["text"]
 
@@ -200,7 +199,7 @@ def test_nothing_of_the_run_is_handed_to_an_agent(tmp_path):
 
 def test_the_agents_process_ends_with_the_run(tmp_path):
     """Even one that neither reads the ending nor leaves."""
-    flight = start(TINY_ROOM, tmp_path, *wrong("silent", "json"))
+    flight = start(TINY_ROOM, tmp_path, *wrong("silent", "json"), "--in-process")
     pid = flight.child("framed_wrong.py")
     flight.end()
     assert not Path(f"/proc/{pid}").exists()

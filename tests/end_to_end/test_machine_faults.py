@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from deadlines import PROCESS_S
 from mounts import mounted
-from real_runs import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
+from real_runs import AGENTS, COMMAND, TINY_ROOM, fly_command, start, with_agent
 
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 
@@ -44,13 +44,13 @@ def compiled(tmp_path_factory):
     """The room and its kernels are in the cache: what a machine refuses here, it refuses to a run, and not to them."""
     for processes in ("separate", "one"):
         folder = tmp_path_factory.mktemp("compiled")
-        assert fly(TINY_ROOM, folder, "--processes", processes, is_recorded=True).exit_code == 0
+        assert fly_command(TINY_ROOM, folder, "--processes", processes, is_recorded=True).exit_code == 0
 
 
 @BOTH
 def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_path, processes):
     """The result fits below the limit, and says what happened."""
-    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(200_000), is_recorded=True)
+    ended = fly_command(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(200_000), is_recorded=True)
     assert ended.exit_code == 3
     result = saved_result(ended)
     assert result["valid"] is False
@@ -64,7 +64,7 @@ def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_pat
 
 @BOTH
 def test_a_recorder_that_cannot_write_from_the_start_is_reported_at_once(tmp_path, processes):
-    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(12_000), is_recorded=True)
+    ended = fly_command(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(12_000), is_recorded=True)
     assert ended.exit_code == 3
     assert saved_result(ended)["faults"][0]["participant"] == "recorder"
     assert "recording.rrd: expected to write" in ended.errors
@@ -74,7 +74,7 @@ def test_a_recorder_that_cannot_write_from_the_start_is_reported_at_once(tmp_pat
 def test_a_disk_that_fills_in_a_run_is_reported_in_the_result_on_that_disk(tmp_path, processes):
     """Room for the result was kept."""
     with mounted(tmp_path / "small", "size=300k") as runs_dir:
-        ended = fly(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
+        ended = fly_command(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
         assert ended.exit_code == 3
         [fault] = saved_result(ended)["faults"]
     assert fault["participant"] == "recorder"
@@ -85,7 +85,7 @@ def test_a_disk_that_fills_in_a_run_is_reported_in_the_result_on_that_disk(tmp_p
 @BOTH
 def test_a_full_disk_is_reported_before_anything_starts(tmp_path, processes):
     with mounted(tmp_path / "full", "size=4k") as runs_dir:
-        ended = fly(TINY_ROOM, runs_dir, "--processes", processes)
+        ended = fly_command(TINY_ROOM, runs_dir, "--processes", processes)
     assert ended.exit_code == 3
     assert "was no space left on device. Free room there" in ended.errors
     assert "Traceback" not in ended.errors
@@ -115,7 +115,7 @@ def test_a_runs_directory_that_cannot_be_made_is_reported(tmp_path, reason):
 def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, options):
     with mounted(tmp_path / "cache", options) as cache:
         monkeypatch.setenv("GSLCOSIM_CACHE", str(cache))
-        ended = fly(TINY_ROOM, tmp_path / "runs")
+        ended = fly_command(TINY_ROOM, tmp_path / "runs")
     assert ended.exit_code == 3
     assert "Free room there, or set GSLCOSIM_CACHE to a folder that can be written." in ended.errors
     assert "Traceback" not in ended.errors
@@ -130,7 +130,7 @@ def test_a_full_temporary_directory_is_reported_where_it_is_needed(tmp_path, mon
     # A path too long for sockets would not be taken.
     with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", f"size={size}") as folder:
         monkeypatch.setenv("TMPDIR", str(folder))
-        ended = fly(TINY_ROOM, tmp_path / "runs", "--set", f"agents[0].sandbox={sandbox}")
+        ended = fly_command(TINY_ROOM, tmp_path / "runs", "--set", f"agents[0].sandbox={sandbox}")
         monkeypatch.delenv("TMPDIR")
     if sandbox == "bubblewrap":
         assert ended.exit_code == 0, ended.errors
@@ -146,7 +146,7 @@ def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
     folder.mkdir()
     scenario = folder / "scenario.yaml"
     shutil.copy(TINY_ROOM, scenario)
-    ended = fly(scenario, folder / "runs", is_recorded=True)
+    ended = fly_command(scenario, folder / "runs", is_recorded=True)
     assert ended.exit_code == 0, ended.errors
     assert ended.run_dir is not None
     call = [*COMMAND, "extract", str(ended.run_dir), "--to", "csv", "--out", str(tmp_path / "out")]
@@ -164,7 +164,7 @@ def test_a_working_directory_that_is_gone_is_reported(tmp_path):
 
 
 def test_without_a_temporary_directory_nothing_begins(tmp_path):
-    ended = fly(TINY_ROOM, tmp_path, prefix=sized(0))
+    ended = fly_command(TINY_ROOM, tmp_path, prefix=sized(0))
     assert ended.exit_code == 3
     assert "temporary directory: expected a folder that can be written" in ended.errors
     assert "or set TMPDIR to a folder that can be written." in ended.errors
@@ -174,7 +174,9 @@ def test_without_a_temporary_directory_nothing_begins(tmp_path):
 @pytest.mark.parametrize("limit_mb", [400, 1300])
 def test_too_little_memory_is_reported_as_such(tmp_path, processes, limit_mb):
     """Far below what programs need, packages hang or abort while they are loaded: nothing begins."""
-    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=("prlimit", f"--as={limit_mb * 1_000_000}"))
+    ended = fly_command(
+        TINY_ROOM, tmp_path, "--processes", processes, prefix=("prlimit", f"--as={limit_mb * 1_000_000}")
+    )
     if (processes, limit_mb) == ("one", 1300) and ended.exit_code != 3:
         # So much is enough for some machines; then it is enough for all of the run.
         assert ended.result["valid"] is True
@@ -189,7 +191,7 @@ def test_too_little_memory_is_reported_as_such(tmp_path, processes, limit_mb):
 @pytest.mark.parametrize("n_files", [15, 18, 20, 28])
 def test_too_few_open_files_are_reported_as_such(tmp_path, n_files):
     """Zenoh's runtime panics below some number, which was a traceback with the code of a failed agent."""
-    ended = fly(TINY_ROOM, tmp_path, prefix=("prlimit", f"--nofile={n_files}"))
+    ended = fly_command(TINY_ROOM, tmp_path, prefix=("prlimit", f"--nofile={n_files}"))
     assert ended.exit_code == 3
     assert "(ulimit -n)" in ended.errors
     assert "Traceback" not in ended.errors
@@ -197,7 +199,7 @@ def test_too_few_open_files_are_reported_as_such(tmp_path, n_files):
 
 def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
     runs_dir = tmp_path / "runs"
-    ended = fly(TINY_ROOM, runs_dir, *SHORT, *start_option("taking_away", runs_dir), *UNCONFINED)
+    ended = fly_command(TINY_ROOM, runs_dir, *SHORT, *start_option("taking_away", runs_dir), *UNCONFINED)
     assert ended.exit_code == 3
     assert "inputs.log: expected the run's folder, was gone. Something has taken it away" in ended.errors
     assert ended.result["faults"][0]["participant"] == "supervisor"
@@ -207,7 +209,9 @@ def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
 def test_results_are_not_written_through_links(tmp_path):
     foreign = tmp_path / "foreign"
     foreign.write_text("kept")
-    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *start_option("linking", tmp_path / "runs", foreign), *UNCONFINED)
+    ended = fly_command(
+        TINY_ROOM, tmp_path / "runs", *SHORT, *start_option("linking", tmp_path / "runs", foreign), *UNCONFINED
+    )
     assert ended.exit_code == 1, ended.errors
     assert foreign.read_text() == "kept"
     assert saved_result(ended)["valid"] is True
@@ -236,7 +240,7 @@ def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, 
     left = list(scratch.glob("gslcosim-*"))
     assert left
     windows = list(scratch.glob(".gslcosim-flights-*/*"))
-    fly(TINY_ROOM, tmp_path / "next", *SHORT)
+    fly_command(TINY_ROOM, tmp_path / "next", *SHORT)
     assert not any(path.exists() for path in [*left, *windows])
     shutil.rmtree(scratch)
 

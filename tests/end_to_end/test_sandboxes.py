@@ -27,7 +27,7 @@ import yaml
 from crowd import OTHER_RUNS, crowded
 from fan_units import build_fan
 from ordinary_user import run_tests_as_ordinary_user
-from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly_command, fly_here
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.kernel_cache import get_cache_root
@@ -161,7 +161,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "--set", f"agents[0].sandbox={sandbox}",
             "--set", f"agents[0].environment={json.dumps(loader)}",
         )  # fmt: skip
-        ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
+        ended = fly_command(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
         is_memory_left = ctypes.CDLL(None).shmget(shared["system_v_left"], 64, 0) >= 0
         crowd.end()
@@ -413,7 +413,7 @@ def test_an_agents_end_is_reported_in_the_same_words_everywhere(tmp_path, progra
 def test_a_sandbox_that_the_machine_lacks_is_refused_before_the_run(tmp_path, monkeypatch):
     """Exit code 2, with the reason and what to do, and no run directory."""
     monkeypatch.setenv("PATH", str(tmp_path / "nothing_here"))
-    ended = fly(TINY_ROOM, tmp_path / "runs", "--set", "agents[0].sandbox=bubblewrap")
+    ended = fly_command(TINY_ROOM, tmp_path / "runs", "--set", "agents[0].sandbox=bubblewrap")
     assert (ended.exit_code, ended.run_dir) == (2, None)
     expected = (
         "agents[0].sandbox: expected bubblewrap on this machine, was one where it does not work: bubblewrap is not"

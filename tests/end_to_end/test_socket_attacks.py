@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from crowd import crowded
 from ordinary_user import run_tests_as_ordinary_user
-from real_runs import AGENTS, ROOT, TINY_ROOM, fly
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly_command
 
 from gslcosim.base.files import user_state_folder
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
@@ -86,7 +86,7 @@ def attacked(folder, sandbox):
         # Where temporary files are kept no program is seen unless the user says so.
         changes = (*changes, "--set", f"agents[0].may_read=[{sockets}]")
         changes = (*changes, "--set", f"ros2={{endpoint: '{ros_endpoint}', truth: true}}")
-        ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
+        ended = fly_command(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         assert {flight.pid for flight in list_active_runs()} == {flight.pid for flight in seen}
         crowd.end()
     assert (ended.result.get("valid"), ended.result.get("end_reason")) == (True, "time_limit"), ended.errors

@@ -103,21 +103,25 @@ def start(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Fligh
     return flight
 
 
-def fly(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Ended:
+def fly_command(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Ended:
     """Fly to the end: the command in a process of its own, and all the processes that it starts."""
     return start(scenario, runs_dir, *arguments, prefix=prefix, is_recorded=is_recorded).end()
 
 
 def fly_here(scenario, runs_dir, *arguments, is_recorded=False) -> Ended:
-    """Fly to the end with `--in-process`: the same command in this very process, which has imported everything.
+    """Fly to the end with `--in-process`; agents with a command of their own are processes nevertheless."""
+    return fly(scenario, runs_dir, *arguments, "--in-process", is_recorded=is_recorded)
 
-    Agents with a command of their own are processes nevertheless.
+
+def fly(scenario, runs_dir, *arguments, is_recorded=False) -> Ended:
+    """Fly to the end with services and agents in their processes.
+
+    The command is called in this very process, which has imported everything.
     """
     before = children_of(os.getpid())
     output, errors = io.StringIO(), io.StringIO()
-    words = [*_words(scenario, runs_dir, arguments, is_recorded=is_recorded), "--in-process"]
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        exit_code = main(words)
+        exit_code = main(_words(scenario, runs_dir, arguments, is_recorded=is_recorded))
     assert_gone([pid for pid in children_of(os.getpid()) if pid not in before])
     return _ended(exit_code, runs_dir, output.getvalue(), errors.getvalue())
 
@@ -180,6 +184,5 @@ def is_running(pid: int) -> bool:
 
 
 def wait_a_moment() -> None:
-    """Give way while waiting on a condition."""
-    os.sched_yield()
-    time.sleep(0.005)
+    """Give way while waiting on a condition, which is looked at a hundred times a second."""
+    time.sleep(0.01)

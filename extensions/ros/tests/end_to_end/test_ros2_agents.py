@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from deadlines import EVENT_S
 from free_endpoints import find_free_endpoint
-from real_runs import TINY_ROOM, fly, start
+from real_runs import TINY_ROOM, fly, fly_command, start
 
 from gslcosim_ros.actions import ActionClient, CancelCode, GoalStatus
 from gslcosim_ros.live.navigation import NAVIGATE_TO_POSE, define_navigation
@@ -222,7 +222,7 @@ def test_a_node_commands_a_run_that_does_not_wait(tmp_path):
     with RosSession.open(RosTypes("jazzy"), endpoint=endpoint) as session:
         pilot = FreePilot(session)
         start_by = f"agents[0].start={{ros2: {{endpoint: '{endpoint}'}}}}"
-        ended = fly(TINY_ROOM, tmp_path, *words, "--set", start_by)
+        ended = fly_command(TINY_ROOM, tmp_path, *words, "--set", start_by)
     assert (ended.result["valid"], ended.result["agents"][0]["success"]) == (True, True), ended.errors
     assert pilot.is_far
 
