@@ -37,9 +37,10 @@ def killed(scenario, runs_dir, service, *options, tick=0):
 @pytest.mark.parametrize(
     ("scenario", "service"),
     [
-        *((TINY_ROOM, name) for name in ("world", "fields", "sensing", "referee")),
+        *((TINY_ROOM, name) for name in ("world", "fields")),
         (SWARM, "radio"),
         (EVENTS, "events"),
+        *(pytest.param(TINY_ROOM, name, marks=pytest.mark.soak) for name in ("sensing", "referee")),
         *(pytest.param(SWARM, name, marks=pytest.mark.soak) for name in ("world", "sensing")),
         *(pytest.param(EVENTS, name, marks=pytest.mark.soak) for name in ("fields", "referee")),
     ],
