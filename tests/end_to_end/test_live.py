@@ -208,7 +208,8 @@ def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
 
 def test_two_runs_are_served_at_once(tmp_path):
     pages = set()
-    flights = [start(TINY_ROOM, tmp_path / f"{i}", "--serve", *A_MINUTE, is_recorded=True) for i in range(2)]
+    words = ("--serve", "--in-process", *A_MINUTE)
+    flights = [start(TINY_ROOM, tmp_path / f"{i}", *words, is_recorded=True) for i in range(2)]
     for flight in flights:
         said = Said(flight)
         pages.add(said.until(r"Watch it at (\S+)")[1])
