@@ -30,7 +30,7 @@ def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) ->
 def run_warmup_request(request: Mapping[str, str]) -> None:
     """Build and warm up the services of the scenario of `fork_warmup` in its room, which is any but one with a `path`.
 
-    What they compile is kept in the cache.
+    The cache keeps the kernels that they compile.
     """
     scenario, directory = Scenario.model_validate(yaml.safe_load(request["scenario"])), Path(request["directory"])
     environment = build_still_environment(scenario, scenario_dir=directory)

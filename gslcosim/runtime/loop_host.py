@@ -1,6 +1,6 @@
 """Host of a run's loop: agents' events, the wait for all to join, past observations, deadlines, and the status.
 
-What carries the messages differs: `InProcessRun` steps the cores in memory, `Supervisor` watches processes on a bus.
+Its two ports: `InProcessRun` steps the cores in memory, `Supervisor` watches processes on a bus.
 """
 
 import queue

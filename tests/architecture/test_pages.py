@@ -105,6 +105,7 @@ def test_the_files_that_contributing_names_hold_what_it_says():
         "how does a service process start?": "process", "how does a MOX sensor decay?": "resistance falls with gas",
         "when has an agent succeeded?": "criterion", "where is the outcome of a run collected?": "utcome",
         "how is a path shortened?": "shortens", "what does a snapshot contain?": "observations",
+        "which loop waits for agents, and checks their deadlines?": "deadlines",
     }  # fmt: skip
     assert {question for question, _ in rows} == set(words)
     for question, file in rows:
