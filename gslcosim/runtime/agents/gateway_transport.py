@@ -169,9 +169,6 @@ class GatewayAgents:
     def __iter__(self) -> Iterator[str]:
         return iter(self._by_agent)
 
-    def __len__(self) -> int:
-        return len(self._by_agent)
-
     @contextmanager
     def open(self) -> Generator[None]:
         """Start every process, or write its join file, with nothing beside it; leaving the context ends all of them."""
