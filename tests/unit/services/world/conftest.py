@@ -62,3 +62,27 @@ def make_pilot(make_room, make_scenario):
         return Pilot(WorldCore(make_scenario(*vehicles, mode=mode), make_room(**room)))
 
     return build
+
+
+@pytest.fixture
+def asked_pilot(make_pilot):
+    """A pilot whose first vehicle awaits its first command."""
+
+    def build(*vehicles, **options):
+        pilot = make_pilot(*vehicles, **options)
+        pilot.run_until_asked()
+        return pilot
+
+    return build
+
+
+@pytest.fixture
+def hovering_pilot(make_pilot):
+    """A pilot in lockstep whose vehicles have risen to their height."""
+
+    def build(*vehicles, **options):
+        pilot = make_pilot(*vehicles, mode="lockstep", **options)
+        pilot.run(45)
+        return pilot
+
+    return build

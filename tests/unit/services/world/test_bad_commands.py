@@ -69,18 +69,11 @@ def is_sound(body):
     return is_inside and all(map(math.isfinite, body.velocity_world_m_s)) and not set(body.contacts) - {"floor"}
 
 
-def pilot_of(make_pilot, model, avoidance="none"):
-    pilot = make_pilot({"model": model, "avoidance": avoidance}, mode="lockstep", obstacles=[RACK])
-    pilot.run(45)
-    return pilot
-
-
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("avoidance", ["none", "2d"])
 @pytest.mark.parametrize("fields", COMMANDS, ids=lambda fields: fields["kind"])
-def test_numbers_beyond_all_reason_are_answered_and_harm_nobody(make_pilot, model, avoidance, fields):
-    """They are no commands, or refused with a notice, or do not matter to this vehicle: it stays sound."""
-    pilot = pilot_of(make_pilot, model, avoidance)
+def test_numbers_beyond_all_reason_are_answered_and_harm_nobody(hovering_pilot, model, avoidance, fields):
+    pilot = hovering_pilot({"model": model, "avoidance": avoidance}, obstacles=[RACK])
     n_tried = 0
     for path in leaves(fields):
         for number in (1e6, -1e6):
@@ -104,8 +97,8 @@ def test_numbers_beyond_all_reason_are_answered_and_harm_nobody(make_pilot, mode
 @pytest.mark.parametrize("avoidance", ["none", "2d"])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("kind", ["waypoint", "mission"])
-def test_bad_places_are_refused_or_moved(make_pilot, model, avoidance, place, kind):
-    pilot = pilot_of(make_pilot, model, avoidance)
+def test_bad_places_are_refused_or_moved(hovering_pilot, model, avoidance, place, kind):
+    pilot = hovering_pilot({"model": model, "avoidance": avoidance}, obstacles=[RACK])
     x_m, y_m, z_m = PLACES[place]
     one = {"position_world_m": (x_m, y_m, z_m)}
     command = {"kind": kind, **one} if kind == "waypoint" else {"kind": kind, "waypoints": (one,)}
@@ -129,10 +122,8 @@ def test_vehicles_of_all_kinds_start_apart(make_scenario, make_room, model, othe
 
 
 @pytest.mark.parametrize("model", ["iris", "crazyflie"])
-def test_who_turns_over_and_falls_says_so_and_is_asked(make_pilot, model):
-    """Nothing watches over an agent's own control: the vehicle falls, touches the floor, and the agent hears why."""
-    pilot = make_pilot({"model": model})
-    pilot.run_until_asked()
+def test_who_turns_over_and_falls_says_so_and_is_asked(asked_pilot, model):
+    pilot = asked_pilot({"model": model})
     pilot.step(agent_0={"kind": "attitude", "attitude": {"roll_rad": 3.1}, "hold_s": 60.0})
     body = pilot.run_until(lambda body: body.contacts, at_most=100)
     assert body.contacts == ("floor",)
@@ -145,9 +136,8 @@ def test_who_turns_over_and_falls_says_so_and_is_asked(make_pilot, model):
 
 
 @pytest.mark.parametrize("model", ["iris", "crazyflie"])
-def test_tumbling_over_the_floor_ends_when_the_agent_is_asked(make_pilot, model):
-    pilot = make_pilot({"model": model})
-    pilot.run_until_asked()
+def test_tumbling_over_the_floor_ends_when_the_agent_is_asked(asked_pilot, model):
+    pilot = asked_pilot({"model": model})
     pilot.step(agent_0={"kind": "rates", "rates": {"rates_body_rad_s": (20.0, 0.0, 0.0)}, "hold_s": 10.0})
     pilot.run_until(lambda body: body.contacts, at_most=100)
     for _ in range(100):

@@ -31,9 +31,8 @@ def touched(pilot):
     [("iris", "2d"), ("iris", "3d"), ("crazyflie", "3d"), ("holonomic", "3d"), ("rover", "2d")],
 )
 @pytest.mark.parametrize("is_repeated", [False, True])
-def test_a_velocity_ends_before_it_comes_too_near(make_pilot, model, avoidance, is_repeated):
-    pilot = make_pilot({"model": model, "avoidance": avoidance}, obstacles=[WALL], mode="lockstep")
-    pilot.run(45)
+def test_a_velocity_ends_before_it_comes_too_near(hovering_pilot, model, avoidance, is_repeated):
+    pilot = hovering_pilot({"model": model, "avoidance": avoidance}, obstacles=[WALL])
     for _ in range(80):
         pilot.step(**({"agent_0": velocity(0.8, 0.1, 0.0)} if is_repeated or pilot.tick == 45 else {}))
     body = pilot.body()
@@ -46,14 +45,6 @@ def test_a_velocity_ends_before_it_comes_too_near(make_pilot, model, avoidance, 
     assert math.hypot(*body.velocity_world_m_s) < 0.05
 
 
-def test_without_avoidance_it_only_does_not_stop_inside(make_pilot):
-    pilot = make_pilot({}, obstacles=[WALL], mode="lockstep")
-    pilot.run(45)
-    pilot.step(agent_0=velocity(0.8, 0.0, 0.0))
-    pilot.run(80)
-    assert touched(pilot) == {"wall"}
-
-
 def test_a_drive_ends_before_it_comes_too_near(make_pilot):
     pilot = make_pilot({"model": "rover", "avoidance": "2d"}, obstacles=[WALL], mode="lockstep")
     pilot.run(10)
@@ -64,9 +55,8 @@ def test_a_drive_ends_before_it_comes_too_near(make_pilot):
     assert 7.0 - pilot.body().position_world_m[0] > 0.3
 
 
-def test_along_a_wall_it_goes_on(make_pilot):
-    pilot = make_pilot({"avoidance": "3d", "start_m": (6.25, 2.0, 0.2)}, obstacles=[WALL], mode="lockstep")
-    pilot.run(45)
+def test_along_a_wall_it_goes_on(hovering_pilot):
+    pilot = hovering_pilot({"avoidance": "3d", "start_m": (6.25, 2.0, 0.2)}, obstacles=[WALL])
     pilot.step(agent_0=velocity(0.0, 0.8, 0.0))
     body = pilot.run(50)
     assert body.rejected_command is None
@@ -74,9 +64,8 @@ def test_along_a_wall_it_goes_on(make_pilot):
 
 
 @pytest.mark.parametrize(("speed_m_s", "is_refused"), [(-0.5, False), (0.5, True)])
-def test_who_is_too_near_may_only_leave(make_pilot, speed_m_s, is_refused):
-    pilot = make_pilot({"avoidance": "2d", "start_m": (6.55, 3.0, 0.2)}, obstacles=[WALL], mode="lockstep")
-    pilot.run(45)
+def test_who_is_too_near_may_only_leave(hovering_pilot, speed_m_s, is_refused):
+    pilot = hovering_pilot({"avoidance": "2d", "start_m": (6.55, 3.0, 0.2)}, obstacles=[WALL])
     pilot.step(agent_0=velocity(speed_m_s, 0.0, 0.0))
     body = pilot.run(30)
     assert (body.rejected_command is not None) == is_refused
@@ -117,10 +106,9 @@ def test_it_stays_where_it_cannot_rise(make_pilot):
     assert not touched(pilot)
 
 
-def test_it_does_not_land_through_what_hangs(make_pilot):
+def test_it_does_not_land_through_what_hangs(asked_pilot):
     lamp = ("lamp", (3.25, 2.75, 1.0), (3.5, 3.25, 1.25))
-    pilot = make_pilot({"avoidance": "3d", "start_m": (3.0, 5.0, 0.2)}, obstacles=[lamp])
-    pilot.run_until_asked()
+    pilot = asked_pilot({"avoidance": "3d", "start_m": (3.0, 5.0, 0.2)}, obstacles=[lamp])
     pilot.step(agent_0={"kind": "waypoint", "position_world_m": (3.0, 3.0, 2.0)})
     pilot.run_until_asked()
     body = pilot.step(agent_0=LAND)
@@ -128,17 +116,3 @@ def test_it_does_not_land_through_what_hangs(make_pilot):
         "land: expected a free way down from (3.00, 3.00, 2.00) m, was something solid in it."
     )
     assert body.phase == "holding"
-
-
-def test_it_lands_on_a_level_top_and_rises_again(make_pilot):
-    table = ("table", (4.0, 4.0, 0.0), (7.0, 7.0, 1.0))
-    pilot = make_pilot({"avoidance": "3d"}, obstacles=[table])
-    pilot.run_until_asked()
-    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (5.5, 5.5, 2.0)})
-    pilot.run_until_asked()
-    pilot.step(agent_0=LAND)
-    body = pilot.run_until(lambda body: body.phase == "on_ground")
-    assert body.position_world_m == pytest.approx((5.5, 5.5, 1.055), abs=0.02)
-    pilot.run_until_asked()
-    pilot.step(agent_0=TAKE_OFF)
-    assert pilot.run_until_asked().position_world_m == pytest.approx((5.5, 5.5, 2.0), abs=0.02)

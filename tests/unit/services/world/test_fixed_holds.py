@@ -23,16 +23,20 @@ def vehicle(rule):
     return {"hold_s": HOLD_S, "hold_rule": rule}
 
 
-@pytest.mark.parametrize("asked_s", [0.0, None, 3.0])
-def test_a_waypoint_ends_with_the_vehicles_hold(make_pilot, asked_s):
+@pytest.mark.parametrize(
+    ("rule", "asked_s", "ticks"),
+    [
+        ("fixed", 0.0, TICKS),
+        ("fixed", None, TICKS),
+        ("fixed", 3.0, TICKS),
+        (None, 0.0, 0),
+        (None, None, TICKS),
+        (None, 3.0, 30),
+    ],
+)
+def test_a_waypoint_ends_with_the_vehicles_hold_where_the_rule_says_so(make_pilot, rule, asked_s, ticks):
     command = {"kind": "waypoint", "position_world_m": PLACE_M, "hold_s": asked_s}
-    assert held_ticks(make_pilot(vehicle("fixed")), command) == TICKS
-
-
-@pytest.mark.parametrize(("asked_s", "ticks"), [(0.0, 0), (None, TICKS), (3.0, 30)])
-def test_without_the_rule_it_holds_as_long_as_it_is_asked_to(make_pilot, asked_s, ticks):
-    command = {"kind": "waypoint", "position_world_m": PLACE_M, "hold_s": asked_s}
-    assert held_ticks(make_pilot(vehicle(None)), command) == ticks
+    assert held_ticks(make_pilot(vehicle(rule)), command) == ticks
 
 
 def test_a_mission_holds_at_its_end_and_passes_its_bends(make_pilot):
@@ -42,9 +46,8 @@ def test_a_mission_holds_at_its_end_and_passes_its_bends(make_pilot):
     assert held_ticks(make_pilot(vehicle(None)), command) == 0
 
 
-def test_a_velocity_lasts_as_long_as_the_agent_says(make_pilot):
-    pilot = make_pilot(vehicle("fixed"))
-    pilot.run_until_asked()
+def test_a_velocity_lasts_as_long_as_the_agent_says(asked_pilot):
+    pilot = asked_pilot(vehicle("fixed"))
     asked_at = pilot.tick
     pilot.step(agent_0={"kind": "velocity", "velocity_world_m_s": (0.2, 0.0, 0.0), "hold_s": 0.5})
     pilot.run_until_asked()

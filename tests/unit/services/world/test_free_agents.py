@@ -5,9 +5,8 @@ from gslcosim_services.world.autopilot import REQUEST_PERIOD_S
 ASK_AGAIN_TICKS = round(REQUEST_PERIOD_S / 0.1)
 
 
-def test_it_is_asked_once_and_again_when_it_has_said_nothing_for_long(make_pilot):
-    pilot = make_pilot(mode="free")
-    pilot.run_until_asked()
+def test_it_is_asked_once_and_again_when_it_has_said_nothing_for_long(asked_pilot):
+    pilot = asked_pilot(mode="free")
     asked_at = pilot.tick
     pilot.run(ASK_AGAIN_TICKS)
     asked = [poses.tick for poses in pilot.log if poses.bodies[0].awaiting_command]
@@ -22,9 +21,8 @@ def test_it_is_asked_again_when_it_has_arrived(make_pilot):
     assert abs(arrived.position_world_m[0] - x_m - 1) < 0.1
 
 
-def test_a_noop_is_no_answer(make_pilot):
-    pilot = make_pilot(mode="free")
-    pilot.run_until_asked()
+def test_a_noop_is_no_answer(asked_pilot):
+    pilot = asked_pilot(mode="free")
     for _ in range(ASK_AGAIN_TICKS - 1):
         assert not pilot.step(agent_0={"kind": "noop"}).awaiting_command
 

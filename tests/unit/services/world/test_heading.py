@@ -47,18 +47,16 @@ def test_the_direction_of_the_path_is_taken_when_there_is_one(iris_constants):
 
 
 @pytest.mark.parametrize("model", ["iris", "crazyflie", "holonomic"])
-def test_a_waypoint_with_an_angle_turns_the_nose(make_pilot, model):
-    pilot = make_pilot({"model": model})
-    pilot.run_until_asked()
+def test_a_waypoint_with_an_angle_turns_the_nose(asked_pilot, model):
+    pilot = asked_pilot({"model": model})
     pilot.step(agent_0={**WAYPOINT, "yaw_rad": -2.0})
     body = pilot.run_until_asked()
     assert yaw_of(body) == pytest.approx(-2.0, abs=0.02)
     assert body.position_world_m == pytest.approx((3.0, 7.0, 2.0), abs=0.03)
 
 
-def test_the_nose_stays_where_it_was(make_pilot):
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_the_nose_stays_where_it_was(asked_pilot):
+    pilot = asked_pilot()
     pilot.step(agent_0={"kind": "hold", "yaw_rad": 1.0, "hold_s": 3.0})
     pilot.run_until_asked()
     pilot.step(agent_0=WAYPOINT)
@@ -69,17 +67,15 @@ def test_the_nose_stays_where_it_was(make_pilot):
     "command",
     [{**WAYPOINT, "faces_path": True}, {"kind": "velocity", "velocity_world_m_s": (0.0, 0.8, 0.0), "faces_path": True}],
 )
-def test_the_nose_is_along_the_path(make_pilot, command):
-    pilot = make_pilot(mode="lockstep")
-    pilot.run(45)
+def test_the_nose_is_along_the_path(hovering_pilot, command):
+    pilot = hovering_pilot()
     pilot.step(agent_0=command)
     assert yaw_of(pilot.run(35)) == pytest.approx(math.pi / 2, abs=0.05)
 
 
-def test_a_turning_velocity_turns_the_nose_with_it(make_pilot):
+def test_a_turning_velocity_turns_the_nose_with_it(hovering_pilot):
     """At 1 rad/s the nose lags by a third of a second: the heading follows with a gain of 3 1/s."""
-    pilot = make_pilot({"start_m": (7.0, 5.0, 0.1)}, mode="lockstep")
-    pilot.run(45)
+    pilot = hovering_pilot({"start_m": (7.0, 5.0, 0.1)})
     for i in range(120):
         angle = 0.1 * i
         velocity = (0.8 * math.cos(angle), 0.8 * math.sin(angle), 0.0)

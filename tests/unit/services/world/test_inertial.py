@@ -29,7 +29,6 @@ def test_hovering_feels_its_weight_from_the_first_tick_on(make_room, make_scenar
 
 
 def test_felt_forces_add_up_to_the_change_of_velocity(make_room, make_scenario):
-    """Straight up: the speed gained in a tick is the sum over its steps of what is felt less gravity."""
     up = Command(tick=0, kind="waypoint", position_world_m=(5.0, 5.0, 4.0))
     first, *rest = ticks(make_scenario, make_room(), 8, t1={"command/agent_0": up})
     for body in rest:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 TABLE = ("table", (3.0, 6.0, 0.0), (6.0, 9.0, 1.0))
+FREE_M = (4.0, 4.0, 2.0)
 LAND = {"kind": "land"}
 
 
@@ -16,9 +17,8 @@ def mission(*waypoints, **more):
     return {"kind": "mission", "waypoints": waypoints, **more}
 
 
-def landed(make_pilot, **vehicle):
-    pilot = make_pilot(vehicle)
-    pilot.run_until_asked()
+def landed(asked_pilot):
+    pilot = asked_pilot()
     pilot.step(agent_0=LAND)
     pilot.run_until(lambda body: body.phase == "on_ground")
     return pilot
@@ -38,9 +38,8 @@ def test_it_comes_down_stands_and_asks(make_pilot, model):
     assert {name for message in pilot.log for name in message.bodies[0].contacts} == {"floor"}
 
 
-def test_it_lands_on_what_is_below(make_pilot):
-    pilot = make_pilot(obstacles=[TABLE])
-    pilot.run_until_asked()
+def test_it_lands_on_what_is_below(asked_pilot):
+    pilot = asked_pilot(obstacles=[TABLE])
     pilot.step(agent_0=waypoint(4.5, 7.5, 2.0))
     pilot.run_until_asked()
     pilot.step(agent_0=LAND)
@@ -48,9 +47,8 @@ def test_it_lands_on_what_is_below(make_pilot):
     assert body.position_world_m == pytest.approx((4.5, 7.5, 1.055), abs=0.02)
 
 
-def test_it_does_not_land_on_an_edge(make_pilot):
-    pilot = make_pilot(obstacles=[TABLE])
-    pilot.run_until_asked()
+def test_it_does_not_land_on_an_edge(asked_pilot):
+    pilot = asked_pilot(obstacles=[TABLE])
     pilot.step(agent_0=waypoint(4.5, 6.2, 2.0))
     pilot.run_until_asked()
     body = pilot.step(agent_0=LAND)
@@ -58,8 +56,8 @@ def test_it_does_not_land_on_an_edge(make_pilot):
     assert body.phase == "holding"
 
 
-def test_it_takes_off_again(make_pilot):
-    pilot = landed(make_pilot)
+def test_it_takes_off_again(asked_pilot):
+    pilot = landed(asked_pilot)
     x_m, y_m, _ = pilot.body().position_world_m
     assert pilot.step(agent_0={"kind": "take_off"}).phase == "taking_off"
     body = pilot.run_until_asked()
@@ -67,16 +65,16 @@ def test_it_takes_off_again(make_pilot):
     assert body.phase == "holding"
 
 
-def test_a_waypoint_lifts_it_first(make_pilot):
-    pilot = landed(make_pilot)
+def test_a_waypoint_lifts_it_first(asked_pilot):
+    pilot = landed(asked_pilot)
     assert pilot.step(agent_0=waypoint(5.0, 3.0, 1.0)).phase == "taking_off"
     pilot.run_until(lambda body: body.phase == "flying")
     assert pilot.body().position_world_m[2] == pytest.approx(2.0, abs=0.05)
     assert pilot.run_until_asked().position_world_m == pytest.approx((5.0, 3.0, 1.0), abs=0.02)
 
 
-def test_holding_on_the_ground_is_standing(make_pilot):
-    pilot = landed(make_pilot)
+def test_holding_on_the_ground_is_standing(asked_pilot):
+    pilot = landed(asked_pilot)
     pilot.run_until_asked()
     before = pilot.body().position_world_m
     assert pilot.step(agent_0={"kind": "hold", "hold_s": 1.0}).phase == "on_ground"
@@ -84,9 +82,8 @@ def test_holding_on_the_ground_is_standing(make_pilot):
     assert body.position_world_m == pytest.approx(before, abs=1e-3)
 
 
-def test_landing_is_broken_off_by_another_command(make_pilot):
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_landing_is_broken_off_by_another_command(asked_pilot):
+    pilot = asked_pilot()
     pilot.step(agent_0=LAND)
     pilot.run(10)
     assert pilot.body().position_world_m[2] < 1.9
@@ -101,15 +98,14 @@ def test_landing_is_broken_off_by_another_command(make_pilot):
         (True, "land", "land: expected a vehicle in the air, was on the ground."),
     ],
 )
-def test_what_is_done_already_is_refused(make_pilot, is_landed, kind, text):
-    pilot = landed(make_pilot) if is_landed else make_pilot()
+def test_what_is_done_already_is_refused(make_pilot, asked_pilot, is_landed, kind, text):
+    pilot = landed(asked_pilot) if is_landed else make_pilot()
     pilot.run_until_asked()
     assert pilot.step(agent_0={"kind": kind}).rejected_command == text
 
 
-def test_a_repeated_landing_is_one_landing(make_pilot):
-    pilot = make_pilot(mode="lockstep")
-    pilot.run(45)
+def test_a_repeated_landing_is_one_landing(hovering_pilot):
+    pilot = hovering_pilot()
     pilot.step(agent_0=LAND)
     while pilot.body().phase == "landing":
         pilot.step(agent_0=LAND)
@@ -123,9 +119,8 @@ def test_a_repeated_landing_is_one_landing(make_pilot):
 # ---------------------------------------------------------------- missions
 
 
-def test_a_mission_stops_and_holds_at_its_waypoints(make_pilot):
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_a_mission_stops_and_holds_at_its_waypoints(asked_pilot):
+    pilot = asked_pilot()
     places = [(5.0, 3.0, 2.0), (5.0, 5.0, 3.0), (3.0, 3.0, 2.0)]
     pilot.step(agent_0=mission(*({"position_world_m": place, "hold_s": 0.5} for place in places)))
     started = pilot.tick
@@ -139,9 +134,8 @@ def test_a_mission_stops_and_holds_at_its_waypoints(make_pilot):
     assert phases.count("holding") == 16
 
 
-def test_a_mission_passes_with_its_velocities_at_its_times(make_pilot):
-    pilot = make_pilot({"max_speed_m_s": 2.0})
-    pilot.run_until_asked()
+def test_a_mission_passes_with_its_velocities_at_its_times(asked_pilot):
+    pilot = asked_pilot({"max_speed_m_s": 2.0})
     started = pilot.tick
     through = {"position_world_m": (5.0, 3.0, 2.0), "velocity_world_m_s": (1.0, 0.0, 0.0), "after_s": 3.0}
     pilot.step(agent_0=mission(through, {"position_world_m": (8.0, 4.0, 2.0), "after_s": 4.0}))
@@ -154,9 +148,8 @@ def test_a_mission_passes_with_its_velocities_at_its_times(make_pilot):
     pilot.run_until_asked()
 
 
-def test_the_last_velocity_of_a_mission_is_kept_until_the_next_command(make_pilot):
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_the_last_velocity_of_a_mission_is_kept_until_the_next_command(asked_pilot):
+    pilot = asked_pilot()
     pilot.step(agent_0=mission({"position_world_m": (5.0, 3.0, 2.0), "velocity_world_m_s": (0.5, 0.0, 0.0)}))
     pilot.run_until_asked()
     assert pilot.run(5).velocity_world_m_s == pytest.approx((0.5, 0.0, 0.0), abs=0.03)
@@ -164,9 +157,8 @@ def test_the_last_velocity_of_a_mission_is_kept_until_the_next_command(make_pilo
     assert "expected a stop at x" in pilot.body().rejected_command
 
 
-def test_a_mission_is_replaced_in_flight(make_pilot):
-    pilot = make_pilot(mode="lockstep")
-    pilot.run(45)
+def test_a_mission_is_replaced_in_flight(hovering_pilot):
+    pilot = hovering_pilot()
     pilot.step(agent_0=mission({"position_world_m": (9.0, 3.0, 2.0)}, {"position_world_m": (9.0, 8.0, 2.0)}))
     pilot.run(20)
     pilot.step(agent_0=waypoint(5.0, 5.0, 2.0))
@@ -175,50 +167,26 @@ def test_a_mission_is_replaced_in_flight(make_pilot):
     assert pilot.run(30).position_world_m == pytest.approx((5.0, 5.0, 2.0), abs=0.02)
 
 
-def test_repeating_a_mission_changes_nothing(make_pilot):
-    once, often = make_pilot(mode="lockstep"), make_pilot(mode="lockstep")
-    command = mission({"position_world_m": (4.0, 3.0, 2.0), "hold_s": 0.5}, {"position_world_m": (4.0, 4.0, 2.0)})
-    for pilot in (once, often):
-        pilot.run(45)
-        pilot.step(agent_0=command)
-    for _ in range(70):
-        once.step(agent_0={"kind": "noop"})
-        often.step(agent_0=command)
-    assert often.log == once.log
-
-
 @pytest.mark.parametrize(
-    ("point", "text"),
+    ("place_m", "more", "text"),
     [
-        ({"position_world_m": (4.0, 4.0, -1.0)}, "waypoints[1]: expected z within"),
-        ({"position_world_m": (4.5, 7.0, 0.5)}, "inside table"),
-        ({"position_world_m": (1e3, 4.0, 2.0)}, "waypoints[1]: expected x within 0 to 15 m, was 1000 m"),
-        (
-            {"position_world_m": (4.0, 4.0, 2.0), "velocity_world_m_s": (3.0, 0.0, 0.0)},
-            "waypoints[1].velocity: expected at most 1 m/s, was 3 m/s.",
-        ),
-        (
-            {"position_world_m": (4.0, 4.0, 2.0), "acceleration_world_m_s2": (0.0, 30.0, 0.0)},
-            "waypoints[1].acceleration: expected at most 2 m/s^2, was 30 m/s^2.",
-        ),
-        (
-            {"position_world_m": (4.0, 4.0, 2.0), "velocity_world_m_s": (0.5, 0.0, 0.0), "hold_s": 1.0},
-            "waypoints[1].hold_s: expected 0 where the vehicle passes with a velocity, was 1 s.",
-        ),
+        ((4.0, 4.0, -1.0), {}, "waypoints[1]: expected z within"),
+        ((4.5, 7.0, 0.5), {}, "inside table"),
+        ((1e3, 4.0, 2.0), {}, "waypoints[1]: expected x within 0 to 15 m, was 1000 m"),
+        (FREE_M, {"velocity_world_m_s": (3, 0, 0)}, "waypoints[1].velocity: expected at most 1 m/s, was 3 m/s."),
+        (FREE_M, {"acceleration_world_m_s2": (0, 30, 0)}, ".acceleration: expected at most 2 m/s^2, was 30 m/s^2."),
+        (FREE_M, {"velocity_world_m_s": (0.5, 0, 0), "hold_s": 1.0}, ".hold_s: expected 0 where the vehicle passes"),
     ],
 )
-def test_a_mission_with_a_bad_waypoint_is_refused_as_a_whole(make_pilot, point, text):
-    pilot = make_pilot(obstacles=[TABLE])
-    pilot.run_until_asked()
-    body = pilot.step(agent_0=mission({"position_world_m": (4.0, 4.0, 2.0)}, point))
+def test_a_mission_with_a_bad_waypoint_is_refused_as_a_whole(asked_pilot, place_m, more, text):
+    pilot = asked_pilot(obstacles=[TABLE])
+    body = pilot.step(agent_0=mission({"position_world_m": FREE_M}, {"position_world_m": place_m, **more}))
     assert text in body.rejected_command
     assert body.phase == "holding"
 
 
-def test_a_mission_whose_path_leaves_the_room_is_refused(make_pilot):
-    """Both places are in free air: it is the way from one velocity to the other that is not."""
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_a_mission_whose_path_leaves_the_room_is_refused(asked_pilot):
+    pilot = asked_pilot()
     out = {"position_world_m": (14.5, 3.0, 2.0), "velocity_world_m_s": (1.0, 0.0, 0.0)}
     back = {"position_world_m": (14.5, 5.0, 2.0), "velocity_world_m_s": (-1.0, 0.0, 0.0)}
     body = pilot.step(agent_0=mission(out, back))
@@ -227,10 +195,9 @@ def test_a_mission_whose_path_leaves_the_room_is_refused(make_pilot):
     assert pilot.step(agent_0=mission(out, {**back, "velocity_world_m_s": (0.0, 1.0, 0.0)})).rejected_command
 
 
-def test_limits_beyond_the_vehicles_are_kept_to_what_its_tilt_gives(make_pilot):
+def test_limits_beyond_the_vehicles_are_kept_to_what_its_tilt_gives(asked_pilot):
     """At 40 m/s^2 a leg would want a tilt of 76 degrees; the rotors are asked for no more than 0.9 of theirs."""
-    pilot = make_pilot({"max_speed_m_s": 50.0, "max_acceleration_m_s2": 40.0})
-    pilot.run_until_asked()
+    pilot = asked_pilot({"max_speed_m_s": 50.0, "max_acceleration_m_s2": 40.0})
     pilot.step(agent_0=waypoint(13.0, 3.0, 2.0))
     pilot.run_until_asked()
     errors_m = [m.bodies[0].tracking_error_m for m in pilot.log[1:]]

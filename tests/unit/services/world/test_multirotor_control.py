@@ -88,7 +88,6 @@ def test_specific_force_keeps_lift_and_tilt_within_bounds(iris_constants, wanted
     ("axis", "force"), [(0, (0.0, -1.0, G)), (1, (1.0, 0.0, G))], ids=["left is roll -", "forward is pitch +"]
 )
 def test_torque_tilts_the_thrust_axis_to_the_force(iris_constants, axis, force):
-    """Force to the right (-y) needs positive roll, force forward positive pitch."""
     torque = attitude_wrench(iris_constants[0], LEVEL, 0.0, 0.0, 0.0, *force, 0.0, 0.0, 0.0)[1:]
     tilt = math.atan2(1.0, G)
     gain, inertia = iris_constants[0]["attitude_gain_s2"][axis], iris_constants[0]["inertia_kg_m2"][axis]

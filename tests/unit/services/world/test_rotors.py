@@ -25,15 +25,6 @@ def test_equal_rotors_lift_without_torque(iris_constants):
     assert total == 2000.0
 
 
-@pytest.mark.parametrize(("rotor", "signs"), [(0, (-1, -1, -1)), (1, (1, 1, -1)), (2, (1, -1, 1)), (3, (-1, 1, 1))])
-def test_each_rotor_turns_the_body_by_its_place_and_direction(iris_constants, rotor, signs):
-    """Front right, rear left turn counter-clockwise: their drag torque is about -z."""
-    speeds = np.zeros(4)
-    speeds[rotor] = 700.0
-    torque = rotor_wrench(iris_constants[0], speeds)[1:4]
-    assert tuple(np.sign(torque)) == signs
-
-
 def test_drag_is_along_the_relative_wind_and_grows_with_it(iris_constants):
     still = drag_force(iris_constants[0], 3200.0, 0.0, 0.0, 0.0)
     assert still == (0.0, 0.0, 0.0)
@@ -53,7 +44,6 @@ def constants_of(name, room):
 
 @pytest.mark.parametrize("name", ["iris", "crazyflie", "hexarotor"])
 def test_rotors_give_the_wrench_that_is_wanted(make_room, name):
-    """Allocation and rotors are inverse to each other, whatever the number of rotors."""
     record = constants_of(name, make_room())
     weight_n, arm_m = record["mass_kg"] * 9.81, get_vehicle(name).rotors.motor_distance_m / 2
     wanted = (weight_n, 0.05 * weight_n * arm_m, -0.03 * weight_n * arm_m, 0.01 * weight_n * arm_m)

@@ -15,7 +15,6 @@ ROVER_HEIGHT_M = get_vehicle("rover").body.half_height_m
 
 ROVER = {"model": "rover"}
 RACK = ("rack", (6.0, 0.0, 0.0), (6.5, 10.0, 6.0))
-STEP = ("step", (5.0, 0.0, 0.0), (5.25, 10.0, 0.25))
 
 
 def waypoint(*place_m, **more):
@@ -41,9 +40,8 @@ def test_it_stands_at_its_start_until_it_is_asked(make_pilot):
     assert all(message.bodies[0].contacts == () for message in pilot.log)
 
 
-def test_it_turns_and_drives_to_a_waypoint_of_any_height(make_pilot):
-    pilot = make_pilot(ROVER)
-    pilot.run_until_asked()
+def test_it_turns_and_drives_to_a_waypoint_of_any_height(asked_pilot):
+    pilot = asked_pilot(ROVER)
     assert pilot.step(agent_0=waypoint(2.0, 5.0, 2.0)).phase == "driving"
     body = pilot.run_until_asked()
     assert body.position_world_m == pytest.approx((2.0, 5.0, ROVER_HEIGHT_M), abs=0.02)
@@ -60,16 +58,6 @@ def test_a_waypoint_says_where_to_look(make_pilot):
     assert yaw_of(pilot.run(30)) == pytest.approx(1.5, abs=0.02)
 
 
-def test_a_new_waypoint_replaces_the_one_that_it_drives_to(make_pilot):
-    pilot = make_pilot(ROVER, mode="lockstep")
-    pilot.run(3)
-    pilot.step(agent_0=waypoint(9.0, 3.0, 0.1))
-    pilot.run(30)
-    pilot.step(agent_0=waypoint(3.0, 6.0, 0.1))
-    body = pilot.run_until(lambda body: body.phase == "holding")
-    assert body.position_world_m == pytest.approx((3.0, 6.0, ROVER_HEIGHT_M), abs=0.02)
-
-
 def test_a_velocity_is_a_direction_and_a_speed(make_pilot):
     pilot = make_pilot(ROVER, mode="lockstep")
     pilot.run(3)
@@ -80,7 +68,6 @@ def test_a_velocity_is_a_direction_and_a_speed(make_pilot):
 
 
 def test_a_turning_velocity_drives_a_circle_of_the_right_radius(make_pilot):
-    """Speed over rate of turn, 0.5 m/s over 0.4 rad/s, given again at every tick; within 1 %."""
     pilot = make_pilot({**ROVER, "start_m": (7.0, 3.0, 0.1)}, mode="lockstep")
     pilot.run(3)
     places = []
@@ -92,10 +79,8 @@ def test_a_turning_velocity_drives_a_circle_of_the_right_radius(make_pilot):
 
 
 @pytest.mark.parametrize(("speed_m_s", "turn_rad_s"), [(0.5, 0.5), (-0.4, 0.8), (0.8, -0.4), (0.0, 1.0)])
-def test_what_is_driven_has_the_right_radius(make_pilot, speed_m_s, turn_rad_s):
-    """Within 1 %, forwards and backwards, and on the spot within a millimetre."""
-    pilot = make_pilot({**ROVER, "start_m": (7.0, 5.0, 0.1)})
-    pilot.run_until_asked()
+def test_what_is_driven_has_the_right_radius(asked_pilot, speed_m_s, turn_rad_s):
+    pilot = asked_pilot({**ROVER, "start_m": (7.0, 5.0, 0.1)})
     pilot.step(agent_0=drive(speed_m_s, turn_rad_s, hold_s=60.0))
     places = [pilot.step().position_world_m[:2] for _ in range(200)]
     assert radius_of(places[50:]) == pytest.approx(abs(speed_m_s / turn_rad_s), rel=0.01, abs=1e-3)
@@ -113,7 +98,6 @@ def radius_of(places_m):
 
 @pytest.mark.parametrize("command", [drive(1.0), {"kind": "velocity", "velocity_world_m_s": (1.0, 0.0, 0.0)}])
 def test_it_stops_before_what_is_ahead(make_pilot, command):
-    """Driving and velocities end by themselves where a stop would end in a solid cell or beyond the room."""
     pilot = make_pilot(ROVER, mode="lockstep")
     pilot.run(3)
     pilot.step(agent_0=command)
@@ -123,9 +107,8 @@ def test_it_stops_before_what_is_ahead(make_pilot, command):
     assert pilot.body().position_world_m[0] < 15.0 - 0.267
 
 
-def test_it_collides_by_name_and_gives_up(make_pilot):
-    pilot = make_pilot(ROVER, obstacles=[RACK])
-    pilot.run_until_asked()
+def test_it_collides_by_name_and_gives_up(asked_pilot):
+    pilot = asked_pilot(ROVER, obstacles=[RACK])
     pilot.step(agent_0=waypoint(9.0, 3.0, 0.1))
     body = pilot.run_until(lambda body: body.contacts)
     assert body.contacts == ("rack",)
@@ -135,17 +118,8 @@ def test_it_collides_by_name_and_gives_up(make_pilot):
     assert pilot.run(20).contacts == ()
 
 
-def test_a_step_is_a_collision(make_pilot):
-    pilot = make_pilot(ROVER, obstacles=[STEP])
-    pilot.run_until_asked()
-    pilot.step(agent_0=waypoint(4.9, 3.0, 0.1))
-    assert pilot.run_until(lambda body: body.contacts).contacts == ("step",)
-
-
-def test_a_quadrotor_and_a_rover_name_each_other(make_pilot):
-    """A quadrotor that comes down on a rover."""
-    pilot = make_pilot(ROVER, {"start_m": (5.0, 3.0, 0.1)}, mode="lockstep")
-    pilot.run(45)
+def test_a_quadrotor_and_a_rover_name_each_other(hovering_pilot):
+    pilot = hovering_pilot(ROVER, {"start_m": (5.0, 3.0, 0.1)})
     pilot.step(agent_1=waypoint(3.0, 3.0, 0.5))
     pilot.run(40)
     pilot.step(agent_1={"kind": "land"})
@@ -157,10 +131,8 @@ def test_a_quadrotor_and_a_rover_name_each_other(make_pilot):
 @pytest.mark.parametrize(
     "command", [waypoint(3.0, 8.0, 0.1), {"kind": "velocity", "velocity_world_m_s": (0.0, 0.5, 0.0), "hold_s": 600.0}]
 )
-def test_a_turn_that_does_not_end_is_given_up(make_pilot, command):
-    """Nothing waits for ever, not even for a rover whose nose something holds."""
-    pilot = make_pilot(ROVER)
-    pilot.run_until_asked()
+def test_a_turn_that_does_not_end_is_given_up(asked_pilot, command):
+    pilot = asked_pilot(ROVER)
     pilot.step(agent_0=command)
     for _ in range(240):
         pilot.core.data.qpos[3:7] = (1.0, 0.0, 0.0, 0.0)
@@ -200,18 +172,16 @@ def test_on_its_back_it_says_so_and_refuses(make_pilot):
         (drive(0.1, 9.0), "drive.yaw_rate_rad_s: expected at most 1.5 rad/s, was 9 rad/s."),
     ],
 )
-def test_what_it_cannot_do_is_refused_with_a_reason(make_pilot, command, text):
-    pilot = make_pilot(ROVER, obstacles=[RACK])
-    pilot.run_until_asked()
+def test_what_it_cannot_do_is_refused_with_a_reason(asked_pilot, command, text):
+    pilot = asked_pilot(ROVER, obstacles=[RACK])
     body = pilot.step(agent_0=command)
     assert text in body.rejected_command
     assert body.phase == "holding"
     assert math.hypot(*pilot.run(3).velocity_world_m_s) < 0.01
 
 
-def test_its_limits_are_those_of_its_wheels(make_pilot):
-    pilot = make_pilot({**ROVER, "max_speed_m_s": 20.0, "max_acceleration_m_s2": 50.0})
-    pilot.run_until_asked()
+def test_its_limits_are_those_of_its_wheels(asked_pilot):
+    pilot = asked_pilot({**ROVER, "max_speed_m_s": 20.0, "max_acceleration_m_s2": 50.0})
     pilot.step(agent_0=waypoint(12.0, 3.0, 0.1))
     pilot.run_until_asked()
     speeds = [math.hypot(*message.bodies[0].velocity_world_m_s) for message in pilot.log]
@@ -219,9 +189,8 @@ def test_its_limits_are_those_of_its_wheels(make_pilot):
     assert max(abs(np.diff(speeds))) < 0.1 * 1.2
 
 
-def test_a_mission_leads_around_a_corner(make_pilot):
-    pilot = make_pilot(ROVER)
-    pilot.run_until_asked()
+def test_a_mission_leads_around_a_corner(asked_pilot):
+    pilot = asked_pilot(ROVER)
     corners = [(5.0, 3.0, 0.1), (5.0, 5.0, 0.1), (3.0, 5.0, 0.1)]
     pilot.step(agent_0={"kind": "mission", "waypoints": tuple({"position_world_m": corner} for corner in corners)})
     pilot.run_until_asked()

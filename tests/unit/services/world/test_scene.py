@@ -19,12 +19,6 @@ def test_everything_is_named(make_room):
     assert {box.name for box in room.boxes} <= {model.geom(i).name for i in range(model.ngeom)}
 
 
-def test_boxes_stand_where_the_room_has_them(make_room):
-    model = build_scene(make_room(obstacles=[CRATE]), [("beetle", get_vehicle("iris"))], 0.004).model
-    assert model.geom("crate").pos.tolist() == pytest.approx([5.5, 5.75, 0.5])
-    assert model.geom("crate").size.tolist() == pytest.approx([0.5, 0.75, 0.5])
-
-
 def test_geoms_are_traced_to_boxes_and_agents(make_room):
     scene = build_scene(make_room(), [("beetle", get_vehicle("iris")), ("moth", get_vehicle("iris"))], 0.004)
     geom = scene.model.geom("moth/hull").id
@@ -44,7 +38,3 @@ def test_a_room_without_a_floor_gets_one(make_room):
 def test_two_boxes_of_one_name_are_refused(make_room):
     with pytest.raises(EnvironmentDataError, match=r"different names, was \['crate'\]"):
         build_scene(make_room(obstacles=[CRATE, CRATE]), [("beetle", get_vehicle("iris"))], 0.004)
-
-
-def test_half_height_is_the_hulls(make_room):
-    assert build_scene(make_room(), [("beetle", get_vehicle("iris"))], 0.004).half_height_m == pytest.approx((0.055,))

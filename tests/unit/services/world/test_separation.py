@@ -121,9 +121,8 @@ def test_a_standing_vehicle_is_passed(make_pilot, avoidance):
     assert nearest_m(pilot) > 1.0
 
 
-def test_who_keeps_a_velocity_takes_it_again(make_pilot):
-    pilot = make_pilot({"start_m": (3.0, 5.0, 2.0), "separation_m": 1.2}, {"start_m": (7.0, 5.0, 2.0)})
-    pilot.run_until_asked()
+def test_who_keeps_a_velocity_takes_it_again(asked_pilot):
+    pilot = asked_pilot({"start_m": (3.0, 5.0, 2.0), "separation_m": 1.2}, {"start_m": (7.0, 5.0, 2.0)})
     pilot.step(agent_0={"kind": "velocity", "velocity_world_m_s": (0.8, 0.0, 0.0)})
     pilot.run(100)
     assert nearest_m(pilot) > 1.0
@@ -169,7 +168,6 @@ def test_a_rover_does_not_look_out(make_scenario):
 
 
 def test_nobody_is_pushed_into_a_wall(make_pilot):
-    """In a corridor 1.9 m wide there is no room to pass: they keep off the walls and each other."""
     walls = [("south", (5.0, 0.0, 0.0), (10.0, 4.0, 6.0)), ("north", (5.0, 6.0, 0.0), (10.0, 10.0, 6.0))]
     spec = {"separation_m": 1.5, "avoidance": "2d"}
     pilot = make_pilot({"start_m": (3.0, 5.0, 0.2), **spec}, {"start_m": (12.0, 5.0, 0.2), **spec}, obstacles=walls)

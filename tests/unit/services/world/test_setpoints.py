@@ -27,10 +27,7 @@ def rates(*rates_body_rad_s, **fields):
     return {"kind": "rates", "rates": {"rates_body_rad_s": rates_body_rad_s, **fields}}
 
 
-def in_the_air(make_pilot, **vehicle):
-    pilot = make_pilot({"start_m": (7.0, 5.0, 0.1), **vehicle}, mode="lockstep")
-    pilot.run(45)
-    return pilot
+FAR_FROM_WALLS = {"start_m": (7.0, 5.0, 0.1)}
 
 
 def angles_of(body):
@@ -72,8 +69,8 @@ def test_the_heading_follows_the_nose_meanwhile():
 
 
 @pytest.mark.parametrize("model", ["iris", "crazyflie"])
-def test_an_attitude_is_taken_and_the_height_kept(make_pilot, model):
-    pilot = in_the_air(make_pilot, model=model)
+def test_an_attitude_is_taken_and_the_height_kept(hovering_pilot, model):
+    pilot = hovering_pilot({**FAR_FROM_WALLS, "model": model})
     pilot.step(agent_0=attitude(roll_rad=-0.1, pitch_rad=0.15, yaw_rad=0.6))
     for _ in range(15):
         body = pilot.step(agent_0={"kind": "noop"})
@@ -82,8 +79,8 @@ def test_an_attitude_is_taken_and_the_height_kept(make_pilot, model):
     assert body.tracking_error_m is None
 
 
-def test_pitch_accelerates_by_g_times_its_tangent(make_pilot):
-    pilot = in_the_air(make_pilot)
+def test_pitch_accelerates_by_g_times_its_tangent(hovering_pilot):
+    pilot = hovering_pilot(FAR_FROM_WALLS)
     pilot.step(agent_0=attitude(pitch_rad=0.1))
     pilot.run(2)
     before = pilot.body().velocity_world_m_s[0]
@@ -92,16 +89,16 @@ def test_pitch_accelerates_by_g_times_its_tangent(make_pilot):
 
 
 @pytest.mark.parametrize(("factor", "accelerates_m_s2"), [(1.1, 0.981), (1.0, 0.0), (0.9, -0.981)])
-def test_thrust_accelerates_by_newton(make_pilot, factor, accelerates_m_s2):
-    pilot = in_the_air(make_pilot)
+def test_thrust_accelerates_by_newton(hovering_pilot, factor, accelerates_m_s2):
+    pilot = hovering_pilot(FAR_FROM_WALLS)
     pilot.step(agent_0=attitude(thrust_n=factor * WEIGHT_N))
     before = pilot.run(1).velocity_world_m_s[2]
     after = pilot.run(4).velocity_world_m_s[2]
     assert (after - before) / 0.4 == pytest.approx(accelerates_m_s2, abs=0.05)
 
 
-def test_rates_are_turned_at(make_pilot):
-    pilot = in_the_air(make_pilot)
+def test_rates_are_turned_at(hovering_pilot):
+    pilot = hovering_pilot(FAR_FROM_WALLS)
     pilot.step(agent_0=rates(0.0, 0.0, 0.8))
     body = pilot.run(15)
     assert body.angular_velocity_body_rad_s == pytest.approx((0.0, 0.0, 0.8), abs=0.03)
@@ -109,9 +106,8 @@ def test_rates_are_turned_at(make_pilot):
     assert pilot.run(3).angular_velocity_body_rad_s[:2] == pytest.approx((0.5, -0.4), abs=0.06)
 
 
-def test_a_path_takes_over_where_the_vehicle_is(make_pilot):
-    """It brakes from its true motion, keeps its nose, and goes on."""
-    pilot = in_the_air(make_pilot)
+def test_a_path_takes_over_where_the_vehicle_is(hovering_pilot):
+    pilot = hovering_pilot(FAR_FROM_WALLS)
     pilot.step(agent_0=attitude(pitch_rad=0.1, yaw_rad=0.5))
     pilot.run(15)
     speed = math.hypot(*pilot.body().velocity_world_m_s)
@@ -127,9 +123,8 @@ def test_a_path_takes_over_where_the_vehicle_is(make_pilot):
     )
 
 
-def test_an_agent_on_request_is_asked_again_after_its_hold_time(make_pilot):
-    pilot = make_pilot()
-    pilot.run_until_asked()
+def test_an_agent_on_request_is_asked_again_after_its_hold_time(asked_pilot):
+    pilot = asked_pilot()
     pilot.step(agent_0={**attitude(), "hold_s": 0.4})
     asked_at = pilot.tick
     pilot.run_until_asked()
@@ -147,9 +142,8 @@ def test_an_agent_on_request_is_asked_again_after_its_hold_time(make_pilot):
         ("iris", {"kind": "drive", "drive": {"speed_m_s": 0.5}}, "drive: expected a vehicle on wheels, was a iris."),
     ],
 )
-def test_what_a_vehicle_cannot_do_is_refused(make_pilot, model, command, text):
-    pilot = make_pilot({"model": model})
-    pilot.run_until_asked()
+def test_what_a_vehicle_cannot_do_is_refused(asked_pilot, model, command, text):
+    pilot = asked_pilot({"model": model})
     body = pilot.step(agent_0=command)
     assert body.rejected_command == text
     assert body.phase == "holding"
