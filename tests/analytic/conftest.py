@@ -21,6 +21,11 @@ def robot_study():
     return load_study("robot_accuracy")
 
 
+@pytest.fixture(scope="module")
+def plume_study():
+    return load_study("plume_statistics")
+
+
 # One test for each line of the report.
 def pytest_generate_tests(metafunc):
     if "figure" in metafunc.fixturenames:

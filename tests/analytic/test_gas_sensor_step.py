@@ -24,7 +24,6 @@ def ohm_after(parameters, tick_s, phases):
 @pytest.mark.parametrize("model", ["tgs2600", "tgs2620"])
 @pytest.mark.parametrize("parts", [1, 3, 48])
 def test_the_step_response_reaches_63_per_cent_at_tau(model, parts):
-    """Rise and decay, and the same for any length of the tick."""
     p = MOX_PARAMETERS[model]
     air, low = (
         p.r0_ohm * p.air_ratio,

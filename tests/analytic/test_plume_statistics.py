@@ -1,6 +1,5 @@
 """Patchy plumes as measured outdoors, qualitatively (Jones 1983), from the script of docs/studies."""
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -12,21 +11,10 @@ from deadlines import PROCESS_S
 SCRIPT = Path(__file__).parents[2] / "docs" / "studies" / "plume_statistics.py"
 
 
-@pytest.fixture(scope="module")
-def study():
-    """The script as a module."""
-    spec = importlib.util.spec_from_file_location("plume_statistics", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["plume_statistics"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_figures_of_a_series_that_is_known(study):
-    """A minute with two bursts of six seconds of 5 ppm."""
+def test_figures_of_a_series_that_is_known(plume_study):
     ppm = np.zeros(600)
     ppm[100:160] = ppm[300:360] = 5.0
-    found = study.statistics_of(ppm)
+    found = plume_study.statistics_of(ppm)
     assert found.mean_ppm == pytest.approx(1.0)
     assert found.present_frac == pytest.approx(0.2)
     assert found.peak_to_mean == pytest.approx(5.0)
@@ -34,21 +22,22 @@ def test_figures_of_a_series_that_is_known(study):
     assert found.bursts_per_min == pytest.approx(2.0)
 
 
-def test_a_series_without_gas_has_no_ratios(study):
-    found = study.statistics_of(np.zeros(100))
+def test_a_series_without_gas_has_no_ratios(plume_study):
+    found = plume_study.statistics_of(np.zeros(100))
     assert (found.peak_to_mean, found.relative_std, found.present_frac) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.slow
-def test_gas_comes_in_bursts_that_a_mox_sensor_hides(study):
-    """Peaks exceed the mean many times, gas is rarer far away, and a slow sensor hides peaks and pauses."""
-    truth = study.true_series(seconds=400.0, seed=1)
-    near, far = (study.statistics_of(truth[:, i]) for i in (0, 3))
+def test_gas_comes_in_bursts_that_a_mox_sensor_hides(plume_study):
+    truth = plume_study.true_series(seconds=400.0, seed=1)
+    near, far = (plume_study.statistics_of(truth[:, i]) for i in (0, 3))
     assert near.mean_ppm > 5 * far.mean_ppm
     assert near.present_frac > 0.7 > 0.5 > far.present_frac > 0.1
     assert far.peak_to_mean > 8.0
     for i in range(truth.shape[1]):
-        true, sensed = (study.statistics_of(s) for s in (truth[:, i], study.through_sensor(truth[:, i], seed=1)))
+        true, sensed = (
+            plume_study.statistics_of(s) for s in (truth[:, i], plume_study.through_sensor(truth[:, i], seed=1))
+        )
         assert sensed.peak_to_mean < 0.7 * true.peak_to_mean
         assert sensed.relative_std < 0.7 * true.relative_std
         assert sensed.present_frac >= true.present_frac
@@ -57,9 +46,11 @@ def test_gas_comes_in_bursts_that_a_mox_sensor_hides(study):
 
 
 @pytest.mark.slow
-def test_pauses_and_peaks_grow_beside_the_axis(study):
-    truth = study.true_series(seconds=600.0, seed=2)
-    across = [study.statistics_of(truth[:, i]) for i in range(len(study.DISTANCES_M), len(study.PLACES_M))]
+def test_pauses_and_peaks_grow_beside_the_axis(plume_study):
+    truth = plume_study.true_series(seconds=600.0, seed=2)
+    across = [
+        plume_study.statistics_of(truth[:, i]) for i in range(len(plume_study.DISTANCES_M), len(plume_study.PLACES_M))
+    ]
     axis, near, far = across[0], across[2], across[3]
     assert axis.present_frac > 1.5 * near.present_frac > 1.5 * far.present_frac > 0.0
     assert far.peak_to_mean > near.peak_to_mean > 1.5 * axis.peak_to_mean
@@ -71,10 +62,3 @@ def test_the_script_prints_its_table():
         [sys.executable, str(SCRIPT), "--seconds", "20"], capture_output=True, text=True, check=True, timeout=PROCESS_S
     )
     assert run.stdout.count("%") == 2 * 10
-
-
-@pytest.mark.slow
-def test_the_plots_are_drawn(study, tmp_path):
-    truth = np.abs(np.random.default_rng(1).standard_normal((700, len(study.PLACES_M))))
-    study.plot(truth, 0.5 * truth, str(tmp_path / "plot.png"))
-    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")

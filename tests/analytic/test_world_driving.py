@@ -49,7 +49,6 @@ def test_a_turn_needs_the_torque_of_its_centre_of_mass(robot_study):
 
 
 def test_at_rest_it_weighs_on_wheels_and_caster(robot_study):
-    """Forces carry the weight; the caster's share is m d/l of the moment about the axle."""
     flight = robot_study.Flight(robot_study.closed_room(), model="rover")
     for _ in range(20):
         flight.step()

@@ -8,9 +8,6 @@ from gslcosim.base.quantities import GRAVITY_M_S2
 from gslcosim.contract.participant import Episode
 from gslcosim_services.world.core import WorldCore
 
-DT_S = 0.004
-MODELS = ("iris", "crazyflie", "hexarotor", "holonomic")
-
 
 def test_speed_while_falling_with_drag(make_room, robot_study):
     """v = v_t tanh(g t/v_t)."""
@@ -30,7 +27,6 @@ def test_a_body_without_thrust_takes_the_speed_of_the_air(make_room, robot_study
 
 
 def test_a_steady_wind_leaves_no_lasting_error(make_room, make_scenario):
-    """The integral term takes over what the wind pushes."""
     core = WorldCore(make_scenario({"start_m": (7.0, 5.0, 0.1)}), make_room(wind_m_s=((3.0, -1.0, 0.5),)))
     core.reset(Episode(seed=0))
     for tick in range(200):
@@ -39,7 +35,6 @@ def test_a_steady_wind_leaves_no_lasting_error(make_room, make_scenario):
 
 
 def test_it_rights_itself_from_a_steep_tilt(make_room, robot_study):
-    """Thrown at 60 degrees of roll and 3 rad/s it is back in place in 4 s."""
     body = robot_study.FreeBody(make_room(), height_m=3.0)
     body.data.qpos[3:7] = [math.cos(math.pi / 6), math.sin(math.pi / 6), 0.0, 0.0]
     body.data.qvel[3:6] = [3.0, 0.0, 1.0]

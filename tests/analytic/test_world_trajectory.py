@@ -101,7 +101,6 @@ def test_after_its_end_a_trajectory_rests_or_flies_on():
 
 
 def test_a_state_that_is_flown_through_is_met_at_its_time():
-    """With its acceleration at the very end, and at constant velocity after it."""
     end = np.array([[2.0, 1.0, 0.0], [0.0, 0.8, 0.0], [-0.4, 0.0, 0.0]])
     leg = plan_to_state(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 3, least_s=4.0, step_s=0.1)
     assert leg.duration_s == pytest.approx(4.0)

@@ -55,7 +55,6 @@ def cells_of(plume, environment):
     buoyancy=buoyancy_m2_s,
 )
 def test_no_filament_is_ever_in_a_solid_cell_or_outside(seed, solid_frac, wind, step, diffusivity, place, buoyancy):
-    """Among random solid cells, from faces and corners too; in a closed room nothing is lost either."""
     cells = (np.random.default_rng(seed).random(SHAPE) < solid_frac).astype(np.uint8)
     cells[4, 3, 2] = Cell.FREE
     environment = room(cells, wind)
@@ -93,7 +92,6 @@ def test_a_wall_of_one_cell_keeps_all_gas_on_its_side(seed, axis, wind, step, di
 @settings(deadline=None)
 @given(seed=st.integers(0, 10**6), wind=wind_m_s, step=step_s, diffusivity=diffusivity_m2_s)
 def test_what_is_born_is_in_the_room_or_has_left_for_good(seed, wind, step, diffusivity):
-    """Open border: the number of filaments is at most what was born, and none is in an outlet's cell."""
     cells = np.full(SHAPE, Cell.OUTLET, np.uint8)
     cells[1:-1, 1:-1, 1:-1] = Cell.FREE
     environment = room(cells, wind)
@@ -108,7 +106,6 @@ def test_what_is_born_is_in_the_room_or_has_left_for_good(seed, wind, step, diff
 @settings(deadline=None)
 @given(seed=st.integers(0, 10**6), wind=wind_m_s, step=step_s, diffusivity=diffusivity_m2_s, place=place_frac)
 def test_cells_that_meet_at_an_edge_or_a_corner_are_no_door(seed, wind, step, diffusivity, place):
-    """A stair of solid cells that touch at edges and corners only, and air cells that do so: no way through."""
     i, j, k = np.indices(SHAPE)
     cells = ((i + j + k) % 2).astype(np.uint8)
     environment = room(cells, wind)
@@ -118,7 +115,6 @@ def test_cells_that_meet_at_an_edge_or_a_corner_are_no_door(seed, wind, step, di
 
 
 def test_well_mixed_gas_stays_well_mixed():
-    """Eddies alone neither gather gas at walls nor drive it away: half-cells beside walls hold their share."""
     cells = np.zeros(SHAPE, np.uint8)
     cells[4, :, :3] = Cell.SOLID
     environment = room(cells, (0.0, 0.0, 0.0))

@@ -50,7 +50,6 @@ def test_spread_does_not_depend_on_the_step(step_s):
 @settings(deadline=None, max_examples=25)
 @given(rate=st.floats(0.5, 300.0), n_steps=st.integers(1, 40), parts=st.sampled_from([2, 5, 10]))
 def test_without_eddies_any_step_gives_the_same_filaments(rate, n_steps, parts):
-    """In uniform wind the places and sizes are exact, births within a step included."""
     coarse, fine = (
         plume_after(
             0.2 * n_steps, step_s=dt, sources=(build_source(ORIGIN_M, rate=rate),), diffusivity_m2_s=0.0
@@ -64,7 +63,6 @@ def test_without_eddies_any_step_gives_the_same_filaments(rate, n_steps, parts):
 @settings(deadline=None, max_examples=25)
 @given(n=st.integers(2, 4), seed=st.integers(0, 10**6))
 def test_sources_superpose(n, seed):
-    """The gas of several sources is the sum of what each gives alone."""
     rng = np.random.default_rng(seed)
     sources = tuple(build_source(tuple(rng.uniform(-2, 2, 3).tolist()), rate=rng.uniform(1, 30)) for _ in range(n))
     points = rng.uniform(-3, 3, (5, 3))
@@ -99,7 +97,6 @@ def plume_and_readings(seed):
 
 @pytest.mark.parametrize("n_threads", [1, numba.config.NUMBA_NUM_THREADS])
 def test_the_number_of_threads_does_not_change_the_gas(n_threads):
-    """To the bit, with as many threads as there may be within a plume, and with eight plumes side by side."""
     alone = plume_and_readings(7)
     before = numba.get_num_threads()
     numba.set_num_threads(n_threads)

@@ -87,7 +87,6 @@ def reference() -> RunDigest:
 
 @pytest.mark.slow
 def test_any_interleaving_gives_the_same_digest(reference):
-    """A thousand seeded orders of steps and arrivals lead to one digest."""
     orders = set()
     for seed in range(N_INTERLEAVINGS):
         network = Network(seed)
@@ -98,7 +97,6 @@ def test_any_interleaving_gives_the_same_digest(reference):
 
 @pytest.mark.slow
 def test_lost_and_repeated_messages_change_nothing(reference):
-    """Losing a fifth of all messages and repeating a fifth leads to the same digest."""
     for seed in range(300):
         assert Network(seed, loss_frac=0.2, repeat_frac=0.2).run().hex == reference.hex, f"seed {seed}"
 

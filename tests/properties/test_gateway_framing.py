@@ -74,7 +74,6 @@ def judge(validator, frame_format, frame):
 
 @given(st.integers(0, 2**32 - 1), st.binary(max_size=64))
 def test_a_length_is_taken_refused_or_the_end(length, data):
-    """What is held never exceeds what has come."""
     splitter = frame_codec.MsgpackSplitter()
     items = splitter.feed(length.to_bytes(4, "big") + data)
     is_fatal = any(isinstance(item, RefusedFrame) and item.is_fatal for item in items[:1])
@@ -83,7 +82,6 @@ def test_a_length_is_taken_refused_or_the_end(length, data):
 
 
 def test_the_validator_takes_what_a_frame_may_hold():
-    """One limit, not two that contradict each other."""
     from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 
     assert frame_codec.MAX_FRAME_BYTES == MAX_COMMAND_BYTES

@@ -176,14 +176,11 @@ def test_what_is_wrong_is_named(host, lie, expected):
         join_with(host, {**host.offer, **lie})
 
 
-def test_a_run_of_that_name_is_not_written_over(host):
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_a_run_of_that_name_is_neither_written_over_nor_taken_for_the_shared_one(host, is_shared):
+    run_dir = str(host.here / "runs" / "earlier") if is_shared else None
     with pytest.raises(UsageError, match="The folder of --runs-dir already has another earlier"):
-        join_with(host, {**host.offer, "run_id": "earlier"})
-
-
-def test_a_finished_run_is_not_taken_for_the_shared_one(host):
-    with pytest.raises(UsageError, match="already has another earlier"):
-        join_with(host, {**host.offer, "run_id": "earlier"}, run_dir=str(host.here / "runs" / "earlier"))
+        join_with(host, {**host.offer, "run_id": "earlier"}, run_dir=run_dir)
 
 
 def test_a_room_that_does_not_fit_on_the_disk_is_refused_before_it_is_fetched(host):
@@ -205,27 +202,22 @@ def test_a_program_of_the_scenario_is_started_only_where_that_is_trusted(host):
         join_with(host, {**host.offer, "scenario": text})
 
 
-@MANY
-@given(field=st.sampled_from([*JOIN, "run_dir", "tls_root_ca", "agents", "lease_s", "mesh", "window_ticks"]), lie=LIES)
-@example(field="password", lie="p\nservice:mine")
-@example(field="endpoint", lie="tls/host:1#root_ca_private_key_file=/etc/passwd")
-@example(field="endpoint", lie="serial//dev/ttyS0")
-@example(field="namespace", lie="**")
-def test_no_join_file_gives_other_than_plain_names(tmp_path, field, lie):
-    check_join_file(tmp_path, {**JOIN, field: lie})
+JOIN_KEYS = [*JOIN, "run_dir", "tls_root_ca", "agents", "lease_s", "mesh", "window_ticks"]
+JOIN_FIELDS = st.sampled_from([(JOIN, key) for key in JOIN_KEYS] + [(GATEWAY, key) for key in (*GATEWAY, "agents")])
 
 
 @MANY
-@given(field=st.sampled_from([*GATEWAY, "agents"]), lie=LIES)
-@example(field="token", lie="t\nLD_PRELOAD=x")
-@example(field="gateway", lie="unix:relative")
-def test_no_join_file_of_the_gateway_gives_other_than_plain_names(tmp_path, field, lie):
-    check_join_file(tmp_path, {**GATEWAY, field: lie})
-
-
-def check_join_file(folder: Path, content):
-    path = folder / "join.json"
-    path.write_text(json.dumps(content, default=str))
+@given(of=JOIN_FIELDS, lie=LIES)
+@example(of=(JOIN, "password"), lie="p\nservice:mine")
+@example(of=(JOIN, "endpoint"), lie="tls/host:1#root_ca_private_key_file=/etc/passwd")
+@example(of=(JOIN, "endpoint"), lie="serial//dev/ttyS0")
+@example(of=(JOIN, "namespace"), lie="**")
+@example(of=(GATEWAY, "token"), lie="t\nLD_PRELOAD=x")
+@example(of=(GATEWAY, "gateway"), lie="unix:relative")
+def test_no_join_file_gives_other_than_plain_names(tmp_path, of, lie):
+    content, field = of
+    path = tmp_path / "join.json"
+    path.write_text(json.dumps({**content, field: lie}, default=str))
     try:
         joined = JoinFile.read(path)
     except UsageError:
@@ -269,6 +261,5 @@ def test_no_message_names_a_file_elsewhere(name):
 
 
 def test_software_that_is_the_same_is_the_same_after_a_journey():
-    """Its words have bounds; ours are within them."""
     here = SoftwareVersions.here()
     assert SoftwareVersions.model_validate(here.model_dump()) == here

@@ -77,7 +77,6 @@ def replaced(value, at, other):
 @settings(max_examples=80)
 @given(data=st.data())
 def test_any_value_in_place_of_any_other_gives_a_scenario_or_problems(tmp_path_factory, data):
-    """As `gslcosim validate` asks, with the checks of the room and in files of all kinds."""
     bundled = bundled_scenarios()
     file = bundled[data.draw(st.sampled_from(sorted(bundled)))]
     values = read_yaml(file.read_text(encoding="utf-8"), source=str(file)).values
