@@ -1,7 +1,6 @@
 """Sources of a run's gas that events start, stop and move, and whose rates participants set."""
 
 import numpy as np
-import pytest
 from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
@@ -67,21 +66,3 @@ def test_a_source_releases_at_the_rate_that_a_participant_sets_until_the_next(ma
     assert step(core, 11, 1, filaments_per_s=100.0) - before == 18
     core.reset(Episode(seed=1))
     assert [step(core, tick) - before for tick in (0, 1)] == [0, 1]
-
-
-def test_nothing_is_computed_ahead_of_an_event(make_room):
-    core = core_of(make_room, "{what: source_stops, at_s: 1}")
-    step(core, 0)
-    assert not core.prefetch()
-
-
-@pytest.mark.parametrize("tick", [1, 7])
-def test_runs_without_events_are_as_they_were(make_room, tick):
-    """A source that starts in the tick in which it would have gone on anyway is one without an event."""
-    stopped = core_of(make_room, "{what: source_rate, at_s: 1, filaments_per_s: 10}")
-    plain = FieldsCore(
-        load_scenario("tiny_room", overrides=["gas.warm_up_s=2", "gas.step_s=0.1"]).scenario, make_room()
-    )
-    plain.reset(Episode(seed=1))
-    for each in range(tick + 1):
-        assert step(stopped, each, *([0] if each == tick else [])) == step(plain, each)

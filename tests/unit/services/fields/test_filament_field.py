@@ -71,7 +71,6 @@ def test_a_reset_forgets_what_was_ahead(plume_of):
 
 
 def test_an_error_is_raised_at_its_own_step():
-    """The wind is no number from the second frame of one second on."""
     room = build_air(wind_m_s=((0.1, 0.0, 0.0), (0.1, 0.0, 0.0)))
     live, ahead = build_plume(room), PrefetchedPlume(build_plume(room), step_s=0.1, steps_per_frame=1)
     room.wind.velocity_m_s[1] = np.nan

@@ -62,7 +62,6 @@ def test_a_formula_does_not_know_the_step(field_of, model):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["filament", "farrell"])
 def test_spread_in_the_wind_does_not_depend_on_the_step(field_of, model):
-    """Mean and variance of the filaments' places, with the same wind whatever the step."""
     burst = {"filaments_per_s": 400.0}
     clouds = []
     for step_s in (0.2, 0.05):
@@ -148,12 +147,6 @@ def test_only_the_open_field_has_a_wind_of_its_own(field_of):
             assert wind is None
 
 
-def test_gas_leaves_an_open_field(field_of):
-    field = field_of("farrell", farrell={"wind_m_s": (2.0, 0.0, 0.0), "gust_std_m_s": 0.0})
-    field.advance(150)
-    assert 50 < len(field.filaments.sigma_m) < 80
-
-
 def test_a_core_samples_the_wind_of_the_open_field(make_scenario, make_room):
     gas = {
         "model": "farrell", "sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0,
@@ -173,8 +166,6 @@ def test_a_gas_of_ones_own_rises_by_its_density(field_of):
 
 
 def test_the_seed_of_the_gas_replaces_that_of_the_run(make_scenario, make_room):
-    """Runs of different seeds then fly through the same gas."""
-
     def places(run_seed, **gas):
         gas = {"sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0, **gas}
         core = FieldsCore(make_scenario(gas=gas), make_room())

@@ -13,7 +13,6 @@ def timed(make_scenario, **gas):
     ("step_s", "steps_at"), [(0.1, [0, 1, 1, 1, 1, 1]), (0.02, [0, 5, 5, 5, 5, 5]), (0.3, [0, 0, 0, 1, 0, 0])]
 )
 def test_gas_steps_fit_into_ticks(make_scenario, step_s, steps_at):
-    """Several steps in a tick, or one in several ticks; none at tick 0."""
     timing = timed(make_scenario, step_s=step_s, warm_up_s=150.0)
     assert [timing.steps_at(tick) for tick in range(6)] == steps_at
     assert timing.warm_up_steps * timing.step_s == pytest.approx(150.0)
@@ -23,11 +22,13 @@ def test_no_warm_up_is_no_step(make_scenario):
     assert timed(make_scenario, step_s=0.1, warm_up_s=0.0).warm_up_steps == 0
 
 
-def test_a_step_that_does_not_fit_the_tick_is_refused(make_scenario):
-    with pytest.raises(ScenarioError, match=r"gas\.step_s: expected .* tick of 0\.1 s, was 0\.03 s"):
-        timed(make_scenario, step_s=0.03)
-
-
-def test_a_warm_up_that_is_no_whole_number_of_steps_is_refused(make_scenario):
-    with pytest.raises(ScenarioError, match=r"gas\.warm_up_s: .* was 100 s\. Nearest: 99\.9 s or 100\.2 s"):
-        timed(make_scenario, step_s=0.3, warm_up_s=100.0)
+@pytest.mark.parametrize(
+    ("step_s", "warm_up_s", "problem"),
+    [
+        (0.03, 0.0, r"gas\.step_s: expected .* tick of 0\.1 s, was 0\.03 s"),
+        (0.3, 100.0, r"gas\.warm_up_s: .* was 100 s\. Nearest: 99\.9 s or 100\.2 s"),
+    ],
+)
+def test_times_that_do_not_fit_are_refused(make_scenario, step_s, warm_up_s, problem):
+    with pytest.raises(ScenarioError, match=problem):
+        timed(make_scenario, step_s=step_s, warm_up_s=warm_up_s)

@@ -45,15 +45,9 @@ def test_gases_are_summed_apart_and_sources_of_one_gas_together():
     assert [mixing_ratio_ppm_on_grid(puffs, gas=i, **grid).item() for i in (0, 1)] == pytest.approx([15.0, 20.0])
 
 
-def test_no_filaments_are_no_gas():
-    empty = build_filaments(np.zeros((0, 3)), [])
-    assert mixing_ratio_ppm_at(np.zeros((2, 3)), empty).tolist() == [[0.0], [0.0]]
-
-
 @pytest.mark.parametrize("shape", [(9, 7, 5), (12, 6, 1), (1, 4, 8)])
 @pytest.mark.parametrize("spacing_m", [0.05, 0.3, 1.5])
 def test_grids_equal_the_sum_at_points(shape, spacing_m):
-    """Boxes of three side lengths, filaments inside and outside, spacing below and above their size."""
     rng = np.random.default_rng(1)
     first_m = (-1.0, 0.5, 2.0)
     size_m = np.array(shape) * spacing_m
@@ -79,7 +73,6 @@ def test_gas_behind_a_wall_is_not_read():
 
 
 def test_the_summed_table_changes_no_line_of_sight():
-    """Random points in a room with random solids, some points outside the grid."""
     rng = np.random.default_rng(5)
     cells = (rng.random((11, 7, 5)) < 0.05).astype(np.uint8)
     origin_m, cell_m = (-1.0, 0.5, 2.0), 0.4
@@ -88,15 +81,6 @@ def test_the_summed_table_changes_no_line_of_sight():
     plain = [is_line_of_sight_free(cells, origin_m, cell_m, *a, *b) for a, b in ends]
     assert [is_visible(walls, *a, *b) for a, b in ends] == plain
     assert 0.2 < np.mean(plain) < 0.8
-
-
-def test_sums_of_solids_count_the_cells_below_each_corner():
-    rng = np.random.default_rng(2)
-    cells = rng.integers(0, 3, (4, 3, 2)).astype(np.uint8)
-    sums = build_solid_sums(cells)
-    assert sums.shape == (5, 4, 3)
-    for i, j, k in np.ndindex(5, 4, 3):
-        assert sums[i, j, k] == (cells[:i, :j, :k] == Cell.SOLID).sum()
 
 
 def test_points_of_another_shape_are_refused():

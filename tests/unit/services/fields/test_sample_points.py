@@ -7,7 +7,6 @@ import pytest
 from built_messages import build_body, build_poses
 from built_scenarios import NOSE
 
-from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
 from gslcosim.contract.participant import Episode
 from gslcosim_services.fields.core import FieldsCore
@@ -33,7 +32,6 @@ def poses(position_m=(6.0, 5.3, 2.0), quaternion=(1.0, 0.0, 0.0, 0.0), agent="ag
 
 
 def test_the_way_to_a_wall_is_that_of_small_steps():
-    """In a box of three side lengths with random solid cells, in random directions."""
     rng = np.random.default_rng(1)
     occupancy = (rng.random((7, 5, 9)) < 0.1).astype(np.uint8)
     origin_m, cell_m, tiny_m = (-1.0, 2.0, 0.5), 0.4, 1e-3
@@ -75,11 +73,6 @@ def test_beyond_its_range_nothing_comes_back(scenario_of, make_room):
     beams = Beams(scenario_of(max_range_m=3.0), make_room())
     length_m, points = beams.points_of(poses())["agent_0", "laser"]
     assert (length_m, len(points)) == (0.0, 0)
-
-
-def test_a_missing_vehicle_is_named(scenario_of, make_room):
-    with pytest.raises(ModelError, match="expected a pose of vehicle 'agent_0'"):
-        Beams(scenario_of(), make_room()).points_of(poses(agent="stranger"))
 
 
 def test_the_sample_of_a_beam_is_the_mean_along_it(scenario_of, make_room):

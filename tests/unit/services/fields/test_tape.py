@@ -80,15 +80,6 @@ def test_each_seed_has_its_tape_and_runs_may_share_one(scenario_of, room, cache)
     assert len(list(cache.iterdir())) == 3
 
 
-def test_a_tape_holds_sixteen_bytes_for_each_filament_and_tick(scenario_of, room, cache):
-    messages(scenario_of(), room)
-    tape = GasTape(next(iter(cache.iterdir())))
-    assert tape.n_frames == 21
-    n_filaments = sum(len(tape.frame(k)[0]) for k in range(tape.n_frames))
-    assert tape.n_bytes == 16 * n_filaments
-    assert 21 * 30 <= n_filaments <= 21 * 50
-
-
 def test_a_damaged_tape_is_recorded_again(scenario_of, room, cache, caplog):
     live = messages(scenario_of(), room)
     folder = next(iter(cache.iterdir()))

@@ -44,18 +44,12 @@ def test_gas_at_walls_edges_and_corners_is_kept(room, offset_m):
     assert gas_in(room, filament, WallImages.of(room)) == pytest.approx(1.0, abs=0.01)
 
 
-def test_far_from_walls_nothing_changes(room):
-    filament, points_m = filament_at((2.5, 2.0, 1.5)), np.add([ORIGIN_M], [(2.6, 2.1, 1.4)])
-    plain = mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
-    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
-    assert imaged == pytest.approx(plain, rel=1e-9)
-
-
-def test_at_a_wall_a_filament_counts_twice(room):
-    filament, points_m = filament_at((1e-6, 2.0, 1.5)), np.add([ORIGIN_M], [(1e-6, 2.1, 1.5)])
+@pytest.mark.parametrize(("x_m", "factor"), [(2.5, 1.0), (1e-6, 2.0)], ids=["far from walls", "at a wall"])
+def test_a_filament_counts_twice_at_a_wall_and_once_far_from_it(room, x_m, factor):
+    filament, points_m = filament_at((x_m, 2.0, 1.5)), np.add([ORIGIN_M], [(x_m, 2.1, 1.5)])
     plain = mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
     imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
-    assert imaged == pytest.approx(2.0 * plain, rel=1e-6)
+    assert imaged == pytest.approx(factor * plain, rel=1e-6)
 
 
 def test_outlets_reflect_nothing():

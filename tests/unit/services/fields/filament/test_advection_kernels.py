@@ -21,7 +21,6 @@ def grid_and_points(shape):
 
 @pytest.mark.parametrize("shape", [(7, 5, 4), (2, 2, 2), (40, 3, 2)])
 def test_equals_the_double_precision_interpolation(shape):
-    """In boxes of three side lengths, inside and outside of them."""
     velocity_m_s, points_m = grid_and_points(shape)
     place, found = np.zeros(3 * BATCH), np.zeros(3 * BATCH, np.float32)
     positions_in_cells(points_m.reshape(-1), ORIGIN_M, CELL_M, place)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from built_gas import build_plume
 from built_messages import build_body, build_poses
 
 from gslcosim.contract import keys
@@ -16,7 +15,6 @@ from gslcosim_services.fields.filament.downwash import (
     ORIGIN,
     WIDENING,
     Downwash,
-    Jets,
     blow_filaments_inplace,
     jet_speed_m_s,
     outflow_m_s,
@@ -112,11 +110,3 @@ def test_a_vehicle_above_the_source_pushes_its_gas_to_the_floor(scenario_of, mak
         heights_m.append(core.gas.filaments.position_world_m[:, 2].mean())
     assert heights_m[0] == pytest.approx(2.0, abs=0.3)
     assert heights_m[1] < 1.2
-
-
-def test_no_jets_move_nothing():
-    plume = build_plume()
-    plume.advance(10)
-    before = plume.filaments.position_world_m.copy()
-    plume.blow(Jets(centre_world_m=np.zeros((0, 3)), motor_distance_m=np.zeros(0), outflow_m_s=np.zeros(0)))
-    np.testing.assert_array_equal(plume.filaments.position_world_m, before)

@@ -5,7 +5,6 @@ from gslcosim_services.fields.filament.filament_step import FACE_MARGIN, OUTLET,
 
 ORIGIN = (-1.0, 2.0, 0.5)
 CELL = 0.5
-MARGIN = FACE_MARGIN * CELL
 
 
 @pytest.fixture
@@ -30,7 +29,6 @@ def test_in_free_air_the_displacement_is_kept(cells):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_point_slides_along_the_border(cells, axis, sign):
-    """Into each of the six sides of the box: that component stops at the side, the others are kept."""
     start = np.array((3.5, 2.5, 1.5))
     displacement = np.full(3, 0.3)
     displacement[axis] = 20.0 * sign
@@ -55,7 +53,6 @@ def test_a_point_is_reflected_by_the_border(cells, axis, sign):
 
 
 def test_a_point_slides_around_no_corner_into_a_wall(cells):
-    """A one-cell wall across x stops the x part; the rest goes on beside it."""
     cells[3, :, :] = SOLID
     end, ended = trace(cells, (1.5, 1.5, 1.5), (4.0, 1.0, -1.0))
     assert end == pytest.approx((3.0, 2.5, 0.5), abs=2 * FACE_MARGIN)
@@ -70,16 +67,10 @@ def test_reflection_between_two_walls_ends_where_the_folded_path_does(cells):
     assert end[0] == pytest.approx(3.0 + min(folded, 4.0 - folded), abs=1e-6)
 
 
-def test_entering_an_outlet_ends_the_point(cells):
+@pytest.mark.parametrize(("x", "displacements"), [(5.5, (0.6, 0.4)), (6.5, (0.6, -0.6))], ids=["entering", "leaving"])
+def test_an_outlet_ends_what_enters_it_and_what_leaves_the_grid_from_within(cells, x, displacements):
     cells[6, 2, 1] = OUTLET
-    assert trace(cells, (5.5, 2.5, 1.5), (0.6, 0.0, 0.0))[1]
-    assert not trace(cells, (5.5, 2.5, 1.5), (0.4, 0.0, 0.0))[1]
-
-
-def test_leaving_the_grid_from_within_an_outlet_ends_the_point(cells):
-    cells[6, 2, 1] = OUTLET
-    assert trace(cells, (6.5, 2.5, 1.5), (0.6, 0.0, 0.0))[1]
-    assert not trace(cells, (6.5, 2.5, 1.5), (-0.6, 0.0, 0.0))[1]
+    assert [trace(cells, (x, 2.5, 1.5), (dx, 0.0, 0.0))[1] for dx in displacements] == [True, False]
 
 
 def test_a_point_on_a_face_counts_to_the_cell_above_it(cells):

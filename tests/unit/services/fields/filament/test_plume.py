@@ -7,41 +7,14 @@ from built_rooms import build_air
 
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.environment.model import Cell
-from gslcosim_services.fields.filament.plume import FIRST_CAPACITY, Buoyancy, filament_amount_mol, find_open_cells
-from gslcosim_services.fields.filament.release import ScheduledRelease, SourceShape
+from gslcosim_services.fields.filament.plume import Buoyancy, filament_amount_mol, find_open_cells
+from gslcosim_services.fields.filament.release import SourceShape
 
 
 def test_a_filament_carries_gadens_amount_of_gas():
     """With the full pi; GADEN's simulator writes 3.14159 and gets 1.3e-6 less."""
     assert filament_amount_mol(10.0, 0.1) == pytest.approx(6.440745139e-06, rel=1e-9)
     assert filament_amount_mol(10.0, 0.1) == pytest.approx(6.440736978853164e-06, rel=1.5e-6)
-
-
-def test_sizes_follow_the_growth_law():
-    plume = build_plume(growth_m2_s=0.001)
-    plume.advance(300)
-    age_s = 30.0 - np.arange(1, 301) / 10.0
-    np.testing.assert_allclose(plume.filaments.sigma_m**2, 0.01 + 0.001 * age_s, rtol=1e-12)
-
-
-def test_rate_times_time_filaments_are_there_when_nothing_leaves():
-    """Beyond the first capacity of the arrays too."""
-    plume = build_plume(sources=(build_source(rate=333.0),))
-    plume.advance(100)
-    assert plume.n == plume.n_born == 3330 > FIRST_CAPACITY
-
-
-def test_a_newborn_moves_for_the_rest_of_its_step_only():
-    plume = build_plume(
-        build_air(wind_m_s=((0.5, -0.2, 0.1),)),
-        (build_source((1.0, 2.0, 1.0), rate=4.0),),
-        step_s=1.0,
-        diffusivity_m2_s=0.0,
-    )
-    plume.advance()
-    ages_s = 1.0 - np.array([0.25, 0.5, 0.75, 1.0])
-    expected = np.add((1.0, 2.0, 1.0), ages_s[:, None] * (0.5, -0.2, 0.1))
-    np.testing.assert_allclose(plume.filaments.position_world_m, expected, rtol=1e-6)
 
 
 def test_wind_frames_change_with_the_plumes_time():
@@ -61,51 +34,10 @@ def test_a_second_source_does_not_change_the_first_ones_filaments():
     np.testing.assert_array_equal(both.filaments.position_world_m[is_first], alone.filaments.position_world_m)
 
 
-def test_equal_seeds_give_equal_plumes_and_different_seeds_different_ones():
-    one, same, other = build_plume(seed=1), build_plume(seed=1), build_plume(seed=2)
-    for plume in (one, same, other):
-        plume.advance(20)
-    np.testing.assert_array_equal(one.filaments.position_world_m, same.filaments.position_world_m)
-    assert not np.allclose(one.filaments.position_world_m, other.filaments.position_world_m)
-
-
-def test_reset_returns_to_the_same_start():
-    plume = build_plume()
-    plume.advance(30)
-    before = plume.filaments.position_world_m.copy()
-    plume.reset(1)
-    assert (plume.n, plume.n_born, plume.time_s) == (0, 0, 0.0)
-    plume.advance(30)
-    np.testing.assert_array_equal(plume.filaments.position_world_m, before)
-
-
-@pytest.mark.parametrize("power", [1, 3])
-def test_heavy_gas_sinks_slower_as_it_grows(power):
-    """dz/dt = -b / sigma^q with sigma^2 = s0^2 + gamma t: closed forms of the way."""
-    gamma, s0, b = 0.01, 0.1, 0.01 if power == 1 else 0.0002
-    source = build_source((2.0, 2.0, 2.5), rate=1.0, buoyancy=Buoyancy(coefficient=-b, power=power))
-    plume = build_plume(sources=(source,), step_s=0.01, growth_m2_s=gamma, diffusivity_m2_s=0.0)
-    plume.advance(900)
-    s1 = math.sqrt(s0**2 + gamma * 8.0)
-    distance_m = 2 * b / gamma * ((s1 - s0) if power == 1 else (1 / s0 - 1 / s1))
-    assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - distance_m, rel=0.01)
-
-
 def test_sources_with_buoyancies_of_two_powers_are_refused():
     sources = tuple(build_source(buoyancy=Buoyancy(coefficient=1e-3, power=power)) for power in (1, 3))
     with pytest.raises(ModelError, match="one power of the size"):
         build_plume(sources=sources)
-
-
-def test_a_given_noise_takes_the_place_of_the_diffusivity():
-    """One step from birth at its start: the displacement has that standard deviation."""
-    source = build_source((2.5, 2.0, 1.5), release=ScheduledRelease(schedule=((0.0, 20000.0), (0.1, 0.0))))
-    plume = build_plume(sources=(source,), step_s=0.1, diffusivity_m2_s=0.5, noise_std_m=0.03)
-    plume.advance(1)
-    before = plume.filaments.position_world_m.copy()
-    plume.advance(1)
-    moved = plume.filaments.position_world_m - before
-    assert moved.std() == pytest.approx(0.03, rel=0.02)
 
 
 def test_filaments_are_born_all_over_the_shape_but_not_behind_walls():
@@ -126,17 +58,6 @@ def test_places_of_birth_do_not_depend_on_the_step():
     coarse.advance(4)
     fine.advance(20)
     np.testing.assert_array_equal(coarse.filaments.position_world_m, fine.filaments.position_world_m)
-
-
-def test_filaments_leave_through_the_outlet():
-    cells = np.zeros((20, 16, 12), np.uint8)
-    cells[19] = Cell.OUTLET
-    plume = build_plume(build_air(cells, wind_m_s=((1.0, 0.0, 0.0),)), (build_source((2.05, 2.0, 1.0)),))
-    plume.advance(100)
-    travel_s = (4.75 - 2.05) / 1.0
-    assert plume.n_born == 100
-    assert plume.n == pytest.approx(10 * travel_s, abs=2)
-    assert plume.filaments.position_world_m[:, 0].max() < 4.75
 
 
 def test_open_cells_have_free_neighbours_only():

@@ -15,14 +15,6 @@ from gslcosim_services.fields.filament.release import (
 )
 
 
-@given(rate=st.floats(0.01, 1000.0), n_steps=st.integers(1, 200), step_s=st.sampled_from([0.004, 0.05, 0.1, 0.3, 1.0]))
-def test_steps_together_give_the_births_of_the_whole_time(rate, n_steps, step_s):
-    """However time is cut into steps, the same filaments are born at the same times."""
-    release = ConstantRelease(filaments_per_s=rate)
-    cut = np.concatenate([release.births_s(i * step_s, (i + 1) * step_s) for i in range(n_steps)])
-    np.testing.assert_allclose(cut, release.births_s(0.0, n_steps * step_s), rtol=1e-12)
-
-
 def test_rate_times_time_filaments_are_born():
     release = ConstantRelease(filaments_per_s=10.0)
     assert [release.n_born_by(t) for t in (0.0, 0.05, 0.1, 0.3, 150.0)] == [0, 0, 1, 3, 1500]
@@ -53,7 +45,6 @@ def births_s(plan, time_s, step_s, seed=1):
 @pytest.mark.parametrize("name", PLANS)
 @given(step_s=st.sampled_from([0.01, 0.1, 0.5, 2.5]), seed=st.integers(0, 100))
 def test_no_plan_depends_on_the_step(name, step_s, seed):
-    """However time is cut into steps, the same filaments are born at the same times."""
     np.testing.assert_allclose(
         births_s(PLANS[name], 10.0, step_s, seed), births_s(PLANS[name], 10.0, 10.0, seed), rtol=1e-12
     )

@@ -20,7 +20,6 @@ def offsets(kind, n=40_000, size_m=SIZE_M):
     ],
 )
 def test_offsets_fill_the_shape_evenly(kind, variances):
-    """Means are zero and variances are those of the uniform body, per square of its edge."""
     found = offsets(kind)
     assert found.mean(0) == pytest.approx([0, 0, 0], abs=0.02)
     assert found.var(0) == pytest.approx(np.multiply(variances, np.square(SIZE_M)), rel=0.03)

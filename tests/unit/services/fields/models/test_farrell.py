@@ -88,14 +88,7 @@ def test_gusts_that_do_not_reach_the_middle_are_warned_of(size_m, is_warned_of):
     assert all("30 s in a field of 100 x 100 m" in text and "4 times gust_std_m_s" in text for text in found)
 
 
-def test_without_gusts_the_mean_wind_stays():
-    wind = wind_of(gusts=Gusts(std_m_s=0.0, period_s=30.0, damping=0.1))
-    np.testing.assert_allclose(wind.at(5.0)[..., 0], 1.0, rtol=1e-6)
-    np.testing.assert_allclose(wind.at(5.0)[..., 2], 0.0)
-
-
 def test_asking_often_or_seldom_gives_the_same_wind():
-    """The wind has a clock of its own, so neither the gas's step nor the tick matters."""
     often, seldom = wind_of(), wind_of()
     for k in range(1, 101):
         often.at(0.03 * k)

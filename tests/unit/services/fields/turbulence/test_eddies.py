@@ -53,7 +53,6 @@ def velocity_at(air, room, layers, points_m):
 
 @pytest.mark.slow
 def test_variance_is_that_of_the_turbulence():
-    """Even air, many places and histories."""
     room = make_room()
     air = make_air(room, is_open=True)
     air.nodes.nodes[...] = air.nodes.nodes[0, 0, -1]
