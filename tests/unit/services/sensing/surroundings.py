@@ -1,10 +1,13 @@
-"""Truth around a vehicle that on-board sensors are read with."""
+"""Sensors by their models, and the truth around a vehicle that they are read with."""
 
 import numpy as np
 from built_messages import build_body
 from built_scenarios import build_agent, build_scenario
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.record import NumericArray
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.base import Surroundings
 from gslcosim_services.sensing.ray_scene import RayScene
 
@@ -31,3 +34,8 @@ def scenario_of(*models):
 
 def surroundings_in(environment, *others, models=("iris", "iris", "iris"), images=None, **changes):
     return Surroundings(body(**changes), RayScene(scenario_of(*models), environment), others, images or {})
+
+
+def make_sensor(model, *, tick_s=0.1, seed=1, **settings):
+    spec = make_sensor_spec(**{"model": model, "name": "s", **settings})
+    return SENSOR_MODELS[model].build(spec, tick_s, stream(seed, "test"))

@@ -9,7 +9,6 @@ from gslcosim_services.sensing.models import build_sensor
 
 @pytest.mark.parametrize(("period_s", "expected"), [(None, [0, 1, 0, 0, 0]), (0.2, [0, 0, 1, 1, 0])])
 def test_a_touch_is_reported_once_it_is_read(make_room, period_s, expected):
-    """A bumper that is read every second tick has not missed a touch in between."""
     spec = make_sensor_spec(model="bump", name="bumper", period_s=period_s)
     bumper = build_sensor(SENSOR_MODELS["bump"], spec, 100_000_000, stream(1, "bump"))
     touches = [(), ("wall_west",), (), (), ()]

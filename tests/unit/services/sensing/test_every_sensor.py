@@ -61,16 +61,11 @@ def without_own_noise(name):
     return {**silent, name: dict.fromkeys(keys, 0.0)} if keys else silent
 
 
-def first_difference(one, other):
-    return next(i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b)
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("delay_s", [0.0, 0.2])
 def test_nothing_is_noticed_before_the_delay_is_over(read, name, delay_s):
-    """Two runs that part at tick 5 differ that much later; slow instruments and counters need a moment."""
     still, moved = (read(name, [0] * 5 + [moment] * 10, delay_s=delay_s) for moment in (0, 1))
-    noticed = first_difference(still, moved) - round(delay_s / 0.1)
+    noticed = [a == b for a, b in zip(still, moved, strict=True)].index(False) - round(delay_s / 0.1)
     assert noticed == 5 if SENSOR_MODELS[name].is_on_board else 5 <= noticed <= 7
 
 
@@ -90,7 +85,6 @@ def test_until_it_is_warm_every_sensor_says_so(read, name):
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - WITHOUT_NOISE))
 def test_noise_has_an_effect_and_belongs_to_the_stream(read, name):
-    """Its own, where its block has some, else the scenario's; without it a sensor shows the same for every seed."""
     silent = without_own_noise(name)
     has_own = name in silent or name in {"anemometer", "anemometer_3d"}
     noisy = {} if has_own else {"noise_std": 0.05}
@@ -104,10 +98,11 @@ def test_noise_has_an_effect_and_belongs_to_the_stream(read, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_readings_have_as_many_values_as_their_description_says(read, name):
-    """The text after `values =` names them one by one; what has no values has a picture."""
-    described = re.search(r"values = \(([^)]*)\)", SENSOR_MODELS[name].description)
+def test_readings_are_what_the_row_of_their_sensor_says(read, name):
+    kind = SENSOR_MODELS[name]
+    described = re.search(r"values = \(([^)]*)\)", kind.description)
     (reading,) = read(name, [1])
+    assert (kind.name, reading.sensor, reading.quantity, reading.unit) == (name, "s", kind.quantity, kind.unit)
     assert len(reading.values) == (len([v for v in described[1].split(",") if v.strip()]) if described else 0)
     assert (reading.image is None) == bool(described)
     assert all(np.isfinite(reading.values))

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from surroundings import G, at_rest, surroundings_in
+from surroundings import G, at_rest, make_sensor, surroundings_in
 
 from gslcosim.base.errors import ModelError
-from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim_services.sensing import SENSOR_MODELS
 
 GYRO = ("gyro_noise_density", "gyro_random_walk", "gyro_start_bias_rad_s")
 ACCELEROMETER = ("accelerometer_noise_density", "accelerometer_random_walk", "accelerometer_start_bias_m_s2")
@@ -17,8 +15,7 @@ SILENT = dict.fromkeys(GYRO + ACCELEROMETER, 0.0)
 
 
 def imu(tick_s=0.1, mount_m=(0.0, 0.0, 0.0), seed=3, **settings):
-    spec = make_sensor_spec(model="imu", name="imu", mount_m=mount_m, imu=settings)
-    return SENSOR_MODELS["imu"].build(spec, tick_s, stream(seed, "imu"))
+    return make_sensor("imu", tick_s=tick_s, seed=seed, mount_m=mount_m, imu=settings)
 
 
 def read(sensor, environment, inertial):
@@ -32,7 +29,6 @@ def test_a_perfect_one_at_rest_feels_what_carries_it(make_room):
 
 
 def test_sums_of_samples_do_not_depend_on_the_rate(make_room):
-    """Changes of velocity and angle over a tick are the same at every rate."""
     inertial = np.random.default_rng(1).normal(size=(25, 9))
     for rate_hz, n in ((250.0, 25), (50.0, 5), (10.0, 1), (1000.0, 25)):
         array = read(imu(rate_hz=rate_hz, **SILENT), make_room(), inertial).array.to_array()

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from surroundings import surroundings_in
+from surroundings import make_sensor, surroundings_in
 
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.rng import stream
-from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.base import GaussMarkovBias
 
 STILL = (0.0, 0.0, 0.0)
@@ -17,8 +15,7 @@ YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def sensor(model, tick_s=0.1, mount_m=STILL, seed=1, **settings):
-    spec = make_sensor_spec(**{"model": model, "name": "s", "mount_m": mount_m, model: settings})
-    return SENSOR_MODELS[model].build(spec, tick_s, stream(seed, "test"))
+    return make_sensor(model, tick_s=tick_s, seed=seed, mount_m=mount_m, **{model: settings})
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.5, 5.0])

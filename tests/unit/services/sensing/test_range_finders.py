@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from surroundings import surroundings_in
+from surroundings import make_sensor, surroundings_in
 
-from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 STILL = (0.0, 0.0, 0.0)
@@ -17,8 +15,7 @@ R2 = math.sqrt(0.5)
 
 
 def read(room, model, spec=None, **around):
-    spec = make_sensor_spec(**{"model": model, "name": "s", **(spec or {})})
-    return SENSOR_MODELS[model].build(spec, 0.1, stream(1, "test")).read(surroundings_in(room, **around), STILL)
+    return make_sensor(model, **(spec or {})).read(surroundings_in(room, **around), STILL)
 
 
 def test_four_beams_are_front_left_back_right(make_room):
@@ -42,15 +39,13 @@ def test_nothing_in_range_is_the_longest_range_and_reported(make_room):
 
 
 def test_noise_is_that_of_the_scenario(make_room):
-    spec = make_sensor_spec(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
-    sensor = SENSOR_MODELS["range_finder"].build(spec, 0.1, stream(1, "test"))
+    sensor = make_sensor("range_finder", noise_std=0.02, beam_body=(0, 0, -1))
     around = surroundings_in(make_room())
     ranges = [sensor.read(around, STILL).values[0] for _ in range(2000)]
     assert (np.mean(ranges), np.std(ranges)) == (pytest.approx(3.0, abs=0.002), pytest.approx(0.02, rel=0.06))
 
 
 def test_a_level_lidar_sees_the_walls(make_room):
-    """Each range is the least way to one of the four walls along its azimuth."""
     reading = read(make_room(), "lidar_2d", {"lidar": {"n_azimuths": 72}})
     ranges = reading.array.to_array()
     azimuths = np.deg2rad(np.arange(-180, 180, 5))
@@ -65,7 +60,6 @@ def test_a_level_lidar_sees_the_walls(make_room):
 
 
 def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
-    """Mount plus range times direction, turned with vehicle and mount, is on a face of the box."""
     settings = {"mount_m": (0.1, 0.2, 0.3), "mount_rpy_rad": (0.3, -0.2, 0.5), "lidar": {"n_azimuths": 90}}
     spec = make_sensor_spec(**{"model": "lidar_3d", "name": "s", **settings})
     around = surroundings_in(make_room(), quaternion_wxyz=(0.5, 0.5, 0.5, 0.5))

@@ -70,7 +70,6 @@ def test_rays_turn_with_sums_that_are_rounded_once_on_any_processor():
 
 
 def test_bins_change_no_distance(make_room):
-    """A thousand rays in a room full of boxes, and from outside it, against every box one by one."""
     rng = np.random.default_rng(2)
     obstacles = []
     for i in range(60):
@@ -88,7 +87,6 @@ def test_bins_change_no_distance(make_room):
 
 
 def test_rays_from_outside_all_boxes_find_the_same(make_room):
-    """Above and beside boxes without walls around them, along their faces too; to the bit."""
     rng = np.random.default_rng(3)
     low = rng.uniform((2, 2, 0), (9, 6, 2), (40, 3)).round(1)
     boxes = np.hstack([low, low + rng.uniform(0.2, 2.0, (40, 3)).round(1)])

@@ -104,7 +104,6 @@ def test_an_observation_shows_pose_state_and_readings(core):
 
 
 def test_a_mount_swings_with_the_turning_vehicle():
-    """Turning left at 2 rad/s, a mount 0.5 m ahead of a vehicle that faces +y moves to -x."""
     turning = body(angular_velocity_body_rad_s=(0.0, 0.0, 2.0))
     assert mount_velocity_world_m_s(turning, (0.5, 0.0, 0.0)) == pytest.approx((0.5 - 1.0, 0.0, 0.1))
     assert mount_velocity_world_m_s(turning, (0.0, 0.0, 0.0)) == (0.5, 0.0, 0.1)
@@ -171,25 +170,7 @@ def test_each_agent_receives_what_comes_to_it_and_is_reported_of_its_refusals(sc
     assert (moth.incoming, moth.radio_refusals) == ((reception,), ())
 
 
-def test_without_channels_no_briefing_names_any(core):
-    assert core.reset(Episode(seed=1))[keys.briefing("moth")].channels == ()
-    assert core.step(0, inbox(0))[keys.observation("moth")].incoming == ()
-
-
-def test_the_estimate_follows_the_reported_resistance_to_the_true_mixing_ratio(core):
-    """Errors and lag of the sensor are in it; after long the lag is over."""
-    core.reset(Episode(seed=3))
-    estimates = []
-    for tick in range(1500):
-        observation = core.step(tick, inbox(tick))[keys.observation("beetle")]
-        estimates.append(observation.reading("nose_ppm").values[0])
-    assert estimates[0] == 0.0
-    assert estimates == sorted(estimates)
-    assert estimates[-1] == pytest.approx(5.0, rel=1e-6)
-
-
 def test_the_estimate_is_that_of_a_unit_that_was_calibrated_in_clean_air(scenario, make_room):
-    """The resistance of units differs; the estimate is made with the R0 of the unit that is flown."""
     values = plain_values(scenario)
     values["agents"][0]["sensors"][0]["gain_spread"] = 0.3
     core = SensingCore(Scenario.model_validate(values), make_room())
@@ -231,27 +212,11 @@ def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
 
 
 def test_on_board_sensors_need_no_samples_and_a_pose_is_what_the_agent_gets(make_room):
-    """An agent with a noisy pose sensor gets that pose; arrays come when new or when a command is awaited."""
     sensors = [
         {"model": "pose", "name": "pose", "pose": {"position_noise_m": 0.5}},
         {"model": "lidar_2d", "name": "scan", "period_s": 0.2},
     ]
-    values = {
-        "schema": "gslcosim/scenario/1",
-        "name": "test",
-        "environment": {"layout": {}},
-        "gas": {"sources": [{"position_m": (5.0, 1.0, 2.0)}]},
-        "agents": [
-            {
-                "name": "beetle",
-                "start": {"python": "dung_beetle"},
-                "mode": "on_request",
-                "vehicle": {"start_m": (1.0, 1.0, 0.2)},
-                "sensors": sensors,
-            }
-        ],
-    }
-    core = SensingCore(Scenario.model_validate(values), make_room())
+    core = SensingCore(build_scenario(build_agent(sensors=sensors)), make_room())
     briefing = core.reset(Episode(seed=1))[keys.briefing("beetle")]
     assert briefing.sensors[1].directions_body.shape == (1, 360, 3)
     arrays = []
