@@ -65,6 +65,7 @@ def test_every_command_works_as_it_stands(title, folder):
         line = re.sub("gslcosim view RUN(?: --web)? ", "gslcosim view RUN --screenshot view.png ", line)
         # A part of the search, for each picture of a film takes as long as the last.
         line = line.replace("gslcosim film RUN ", "gslcosim film RUN --to 15 ")
+        line = line.replace("--count 20", "--count 2").replace("--repetitions 2", "--repetitions 1")
         ended = run(line, folder)
         assert ended.returncode == 0, f"{line}\n{ended.stdout}\n{ended.stderr}"
 
