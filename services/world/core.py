@@ -33,7 +33,7 @@ from gslcosim_services.world.obstacle_avoidance import ObstacleAvoidance
 from gslcosim_services.world.scene import DoorGeoms, Scene, build_scene, register_mujoco_state
 from gslcosim_services.world.separation import Neighbours, warm_up_separation
 from gslcosim_services.world.service import world_spec
-from gslcosim_services.world.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.simulation_loop import run_substeps_inplace
 from gslcosim_services.world.trajectory import to_vec3
 from gslcosim_services.world.vehicle_records import VehicleCapabilities, derive_capabilities
 
@@ -476,11 +476,10 @@ class WorldCore:
         )
 
     # Views of MuJoCo's arrays and addresses stay valid as long as model and data live.
-    def _arguments_of_loop(self) -> tuple[_MujocoArrays, tuple[Any, Any, Any, Any, Any]]:
+    def _arguments_of_loop(self) -> tuple[_MujocoArrays, tuple[Any, Any, Any, Any]]:
         model, data, grid = self._scene.model, self.data, self._environment.grid
         views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
-        addresses = (find_step_address(), model._address, data._address)
-        return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
+        return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), model._address, data._address)
 
 
 # One compiled kernel serves all winds: read-only, as they come from a memory map.

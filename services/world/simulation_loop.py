@@ -2,18 +2,16 @@
 # pyright: reportAttributeAccessIssue=false
 """Compiled simulation loop: control, rotors, drag and MuJoCo's step for all vehicles, sub-step by sub-step."""
 
-# ruff: noqa: ANN001, ANN201, ANN202, N803, N806 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN201, N803, N806 - kernels have no types, and symbols of equations
 
 import ctypes
 from pathlib import Path
 
 import mujoco
 import numba
-from llvmlite import ir
+from llvmlite import binding
 from numba import types
-from numba.extending import intrinsic
 
-from gslcosim.base.c_calls import call_address
 from gslcosim.base.errors import ModelError
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.world.multirotor_control import (
@@ -44,34 +42,7 @@ _MAX_SPEED_M_S = 200.0
 _MAX_RATE_RAD_S = 500.0
 
 
-@intrinsic
-def call_step(typingctx, function_address, model_address, data_address):
-    """Call `void f(const mjModel*, mjData*)` at an address.
-
-    The address is an argument, not a constant, so that compiled kernels can be kept in numba's cache.
-
-    Args:
-        typingctx: numba's.
-        function_address: Address of the C function, from `find_step_address`.
-        model_address: Address of the mjModel struct.
-        data_address: Address of the mjData struct.
-
-    Held by:
-        tests/unit/services/world/test_simulation_loop.py
-    """
-    signature = types.void(types.intp, types.intp, types.intp)
-
-    def codegen(context, builder, _signature, arguments):
-        address = context.get_value_type(types.intp)
-        function_type = ir.FunctionType(ir.VoidType(), [address, address])
-        call_address(builder, arguments[0], function_type, [arguments[1], arguments[2]])
-        return context.get_dummy_value()
-
-    return signature, codegen
-
-
-def find_step_address() -> int:
-    """Return the address of `mj_step` in the shared library that the Python package has loaded."""
+def _find_step_address() -> int:
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):
@@ -79,6 +50,11 @@ def find_step_address() -> int:
             if address:
                 return address
     raise ModelError(f"mujoco {mujoco.__version__}: expected its shared library beside the package.\nFolder: {folder}")
+
+
+# Called by its name, since code from the cache of kernels runs in processes where the address is another.
+binding.add_symbol("mujoco_mj_step", _find_step_address())
+_mj_step = types.ExternalFunction("mujoco_mj_step", types.void(types.intp, types.intp))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -297,7 +273,7 @@ def write_inertial_inplace(vehicle, p, v, a, row):
 def run_substeps_inplace(
     first, n_substeps, tick, tick_s, vehicles, states, inertial, qpos, qvel, qacc, qfrc_applied, qfrc_constraint,
     sensordata,
-    wind_velocity_m_s, wind_origin_m, wind_cell_m, step_address, model_address, data_address,
+    wind_velocity_m_s, wind_origin_m, wind_cell_m, model_address, data_address,
 ):  # fmt: skip
     """Run sub-steps of a tick until its end, the first contact, or the first unsound state.
 
@@ -321,7 +297,6 @@ def run_substeps_inplace(
         wind_velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
         wind_origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         wind_cell_m: Edge of the cells [m].
-        step_address: Address of mj_step.
         model_address: Address of the mjModel.
         data_address: Address of the mjData.
 
@@ -348,7 +323,7 @@ def run_substeps_inplace(
                 step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s)
             else:
                 step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s)
-        call_step(step_address, model_address, data_address)  # pyright: ignore[reportCallIssue]
+        _mj_step(model_address, data_address)
         if inertial.shape[1]:
             for k in range(n_vehicles):
                 vehicle = vehicles[k]

@@ -14,7 +14,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.vehicles import Vehicle
 from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.scene import build_scene
-from gslcosim_services.world.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.simulation_loop import run_substeps_inplace
 
 _VEHICLE_NAME = "vehicle"
 _NO_INERTIAL = np.zeros((1, 0, 9))
@@ -73,7 +73,7 @@ class ContactScene:
         self._n_substeps = n_substeps
         data = self._data
         self._views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
-        self._addresses = (find_step_address(), self._model._address, data._address)
+        self._addresses = (self._model._address, data._address)
 
     @property
     def constants(self) -> NDArray[np.void]:

@@ -11,12 +11,12 @@ import math
 
 import numba
 import numpy as np
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from gslcosim.base.c_calls import call_address
 from gslcosim.base.errors import ModelError
 from gslcosim_formats.gaussian_plume import OPEN_COUNTRY, FormulaGasSpec, build_mean_plumes, list_gas_columns
 from gslcosim_services.fields.gas_setup import GasSetup
@@ -36,7 +36,7 @@ class _Ufunc(ctypes.Structure):
 
 
 def find_loop_address(ufunc: np.ufunc) -> int:
-    """Return the address of the loop that a function of numpy runs over doubles; kernels pass it on."""
+    """Return the address of the loop that a function of numpy runs over doubles."""
     of_doubles = [i for i, kinds in enumerate(ufunc.types) if set(kinds) == set("d->")]
     if not of_doubles:
         raise ModelError(f"{ufunc.__name__}: expected a loop over doubles, was {', '.join(ufunc.types)}.")
@@ -45,8 +45,13 @@ def find_loop_address(ufunc: np.ufunc) -> int:
     return int(address)
 
 
+# Called by their names, since code from the cache of kernels runs in processes where the addresses are others.
+binding.add_symbol("numpy_exp_loop", find_loop_address(np.exp))
+binding.add_symbol("numpy_power_loop", find_loop_address(np.power))
+
+
 # Calls `void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)` for one element.
-def _call_loop(builder: ir.IRBuilder, address, values):
+def _call_loop(builder: ir.IRBuilder, name, values):
     n = len(values) + 1
     entry = builder.function.entry_basic_block
     with builder.goto_block(entry):
@@ -64,7 +69,8 @@ def _call_loop(builder: ir.IRBuilder, address, values):
     function_type = ir.FunctionType(ir.VoidType(), [_INT64] * 4)
     steps = _item(builder, numbers, _INT64, 1)
     pointers = [builder.ptrtoint(pointer, _INT64) for pointer in (args, numbers, steps)]
-    call_address(builder, address, function_type, [*pointers, ir.Constant(_INT64, 0)])
+    loop = cgutils.get_or_insert_function(builder.module, function_type, name)
+    builder.call(loop, [*pointers, ir.Constant(_INT64, 0)])
     return builder.load(_item(builder, places, ir.DoubleType(), n - 1), typ=ir.DoubleType())
 
 
@@ -73,44 +79,31 @@ def _item(builder: ir.IRBuilder, array: ir.Value, item_type: ir.Type, i: int) ->
 
 
 @intrinsic
-def call_unary_loop(typingctx, address, x):
-    """Call a loop of numpy over doubles with one argument, such as that of `numpy.exp`, for one number.
-
-    Args:
-        typingctx: numba's.
-        address: Of `find_loop_address`.
-        x: The argument.
+def numpy_exp(typingctx, x):
+    """Return `numpy.exp` of a number.
 
     Held by:
         extensions/training/tests/unit/batch/test_numpy_loops.py
     """
-    signature = types.float64(types.intp, types.float64)
 
     def codegen(context, builder, _signature, arguments):
-        return _call_loop(builder, arguments[0], arguments[1:])
+        return _call_loop(builder, "numpy_exp_loop", arguments)
 
-    return signature, codegen
+    return types.float64(types.float64), codegen
 
 
 @intrinsic
-def call_binary_loop(typingctx, address, x, y):
-    """Call a loop of numpy over doubles with two arguments, such as that of `numpy.power`, for one pair of numbers.
-
-    Args:
-        typingctx: numba's.
-        address: Of `find_loop_address`.
-        x: The first argument.
-        y: The second argument.
+def numpy_power(typingctx, x, y):
+    """Return `numpy.power` of a number and an exponent.
 
     Held by:
         extensions/training/tests/unit/batch/test_numpy_loops.py
     """
-    signature = types.float64(types.intp, types.float64, types.float64)
 
     def codegen(context, builder, _signature, arguments):
-        return _call_loop(builder, arguments[0], arguments[1:])
+        return _call_loop(builder, "numpy_power_loop", arguments)
 
-    return signature, codegen
+    return types.float64(types.float64, types.float64), codegen
 
 
 # One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
@@ -123,8 +116,6 @@ PLUME_RECORD = np.dtype(
         ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
         ("has_ground", np.int64),
         ("gas", np.int64),  # which of the scenario's gases
-        ("exp_address", np.int64),  # of numpy's loops, see `find_loop_address`
-        ("power_address", np.int64),
     ]
 )
 
@@ -151,7 +142,7 @@ def spreads_at(plume, downwind_m):
     elif p == -1.0:
         bend = 1.0 / slower
     else:
-        bend = call_binary_loop(plume.power_address, slower, p)  # pyright: ignore[reportCallIssue]
+        bend = numpy_power(slower, p)  # pyright: ignore[reportCallIssue]
     return a * x_m / math.sqrt(1.0 + 1e-4 * x_m), b * x_m * bend
 
 
@@ -170,9 +161,9 @@ def distances_along_and_across(plume, x_m, y_m):
 
 
 @numba.njit(cache=True, nogil=True)
-def _gaussian_value(plume, x_m, sigma_m):
+def _gaussian_value(x_m, sigma_m):
     exponent = -(x_m * x_m) / (2.0 * (sigma_m * sigma_m))
-    return call_unary_loop(plume.exp_address, exponent)  # pyright: ignore[reportCallIssue]
+    return numpy_exp(exponent)  # pyright: ignore[reportCallIssue]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -194,10 +185,10 @@ def plume_ppm(plume, along_m, across_m, z_m, rise_m, sigma_y_m, sigma_z_m):
     if not along_m > 0.0:
         return 0.0
     h_m = plume.position_world_m[2] + rise_m
-    upward = _gaussian_value(plume, z_m - h_m, sigma_z_m)
+    upward = _gaussian_value(z_m - h_m, sigma_z_m)
     if plume.has_ground:
-        upward = upward + _gaussian_value(plume, z_m + h_m, sigma_z_m)
-    across = _gaussian_value(plume, across_m, sigma_y_m)
+        upward = upward + _gaussian_value(z_m + h_m, sigma_z_m)
+    across = _gaussian_value(across_m, sigma_y_m)
     thickness = 2.0 * math.pi * sigma_y_m * sigma_z_m * plume.speed_m_s
     return 1e6 * plume.release_m3_s / thickness * across * upward
 
@@ -240,5 +231,4 @@ def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void
         row["position_world_m"], row["release_m3_s"] = mean.position_world_m, mean.release_m3_s
         row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
         row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column
-    rows["exp_address"], rows["power_address"] = find_loop_address(np.exp), find_loop_address(np.power)
     return rows

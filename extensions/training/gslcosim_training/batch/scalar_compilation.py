@@ -16,7 +16,6 @@ from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 
 from gslcosim.base import scalar_kernels
-from gslcosim.base.c_calls import call_address
 from gslcosim_training.batch.free_space import array_at, norm2, norm3
 from gslcosim_training.batch.random_streams import next_normal_inplace, next_poisson_inplace
 from gslcosim_training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
@@ -127,6 +126,14 @@ def address_of(typingctx: Any, array: Any) -> Any:
     return signature, codegen
 
 
+class _FunctionAt:
+    # Opaque pointers have no type of their target; llvmlite reads the called function's type from here.
+    def __init__(self, pointer: Any, function_type: ir.FunctionType) -> None:
+        self.type = pointer.type
+        self.function_type = function_type
+        self.get_reference = pointer.get_reference
+
+
 @intrinsic
 def call_kernel(typingctx: Any, address: Any, given: Any) -> Any:
     """Call what is compiled at an address with a tuple of addresses and lengths; return its result."""
@@ -138,6 +145,6 @@ def call_kernel(typingctx: Any, address: Any, given: Any) -> Any:
         converted = [context.cast(builder, n, kind, _ADDRESS) for n, kind in zip(numbers, kinds, strict=True)]
         integer = context.get_value_type(_ADDRESS)
         function_type = ir.FunctionType(integer, [integer] * len(converted))
-        return call_address(builder, arguments[0], function_type, converted)
+        return builder.call(_FunctionAt(builder.inttoptr(arguments[0], ir.PointerType()), function_type), converted)
 
     return signature, codegen
