@@ -97,12 +97,6 @@ def test_range_is_that_of_the_tick_of_sending(core_of):
     assert receptions(near) == [("agent_1", "agent_0", "far")]
 
 
-def test_everything_or_nothing_is_lost_at_the_ends_of_the_loss(core_of):
-    lost = step(core_of({"loss_frac": 1.0}), 1, sent={0: [said("gone")]})
-    assert (lost.transmissions[0].lost, lost.arrivals) == (("agent_1", "agent_2"), ())
-    assert step(core_of({"loss_frac": 0.0}), 1, sent={0: [said("here")]}).transmissions[0].lost == ()
-
-
 @pytest.mark.parametrize(
     ("message", "reason"),
     [

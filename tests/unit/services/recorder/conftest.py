@@ -9,19 +9,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 @pytest.fixture
 def record(make_room, tmp_path):
-    """Record a scripted run into a folder of that name and return the file; see `ScriptedFlight`."""
+    """Record a scripted run, with its inboxes edited, into a folder of that name and return the file."""
     from scripted_flight import ScriptedFlight
 
     from gslcosim.contract.participant import Episode
     from gslcosim_services.recorder.core import RecorderCore
 
-    def run(*, run_id="run", room=None, until=None, **flight_arguments):
+    def run(*, run_id="run", room=None, until=None, edit=lambda inbox: inbox, **flight_arguments):
         flight = ScriptedFlight(**flight_arguments)
         path = tmp_path / run_id / "recording.rrd"
         core = RecorderCore(flight.scenario, room or make_room(), path)
         core.reset(Episode(seed=0))
         for tick in range(until or flight.n_ticks):
-            core.step(tick, flight.inbox(tick))
+            core.step(tick, edit(flight.inbox(tick)))
         core.close()
         return path
 

@@ -1,5 +1,6 @@
 """What a recording holds, read back from its file."""
 
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 
@@ -23,3 +24,13 @@ def still(path, entity, component):
         if chunk.is_static and str(chunk.entity_path) == entity and component in batch.schema.names:
             return batch.column(component).to_pylist()[0]
     raise KeyError(f"{entity} has no {component} that stands still")
+
+
+def views(part):
+    """Return all views of a part of a blueprint."""
+    return [part] if isinstance(part, rrb.View) else [view for item in part.contents for view in views(item)]
+
+
+def view_names(blueprint):
+    """Return the names of all views of a blueprint."""
+    return [view.name for view in views(blueprint.root_container)]

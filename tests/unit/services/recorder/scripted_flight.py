@@ -4,7 +4,7 @@ import io
 import math
 
 import numpy as np
-from built_messages import build_body
+from built_messages import build_body, build_observation
 from built_scenarios import build_agent, build_scenario
 from PIL import Image
 
@@ -24,7 +24,6 @@ from gslcosim.contract.messages import (
     GasAmount,
     MountSample,
     Note,
-    Observation,
     Reading,
     RefereeEvent,
     Score,
@@ -154,13 +153,10 @@ class ScriptedFlight:
         )
 
     def _observation(self, tick, i):
-        return Observation(
-            tick=tick,
+        return build_observation(
+            tick,
             agent=self._names[i],
-            time_s=0.1 * tick,
             position_world_m=self.position_m(tick, i),
-            yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0),
             status="flying",
             awaiting_command=False,
             readings=tuple(_reading(sensor, tick) for sensor in self.scenario.agents[i].sensors),
@@ -201,21 +197,12 @@ class ScriptedFlight:
     def _verdict(self, tick):
         results = tuple(
             AgentResult(
-                name=name,
-                success=True,
-                outcome="success",
-                time_to_source_s=0.1 * tick,
-                steps=7,
-                path_length_m=27.0,
-                straight_line_m=9.0,
-                shortest_path_m=12.0,
-                movement_overhead=1.25,
-                directness=0.4,
-                final_distance_m=0.95,
-                declared_error_m=None,
+                name=name, success=True, outcome="success", time_to_source_s=0.1 * tick, steps=7, path_length_m=27.0,
+                straight_line_m=9.0, shortest_path_m=12.0, movement_overhead=1.25, directness=0.4,
+                final_distance_m=0.95, declared_error_m=None,
             )
             for name in self._names
-        )
+        )  # fmt: skip
         return Verdict(tick=tick, end_reason="success", agents=results)
 
 

@@ -7,33 +7,26 @@ from scripted_flight import ScriptedFlight
 from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RefereeEvent
-from gslcosim.contract.participant import Episode
 from gslcosim.recordings.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
 from gslcosim_data.recording_reader import RecordingReader
-from gslcosim_services.recorder.core import RecorderCore
 
 N_TICKS = 60
 
 
 @pytest.fixture
-def record_contact(make_room, tmp_path):
+def record_contact(record):
     """Record a run whose nose first meets gas at a tick, if at any."""
 
     def run(name, contact_tick=None):
-        flight = ScriptedFlight(n_ticks=N_TICKS)
-        path = tmp_path / name / "recording.rrd"
-        core = RecorderCore(flight.scenario, make_room(), path)
-        core.reset(Episode(seed=0))
-        for tick in range(N_TICKS):
-            inbox = flight.inbox(tick)
-            if tick == contact_tick:
-                event = RefereeEvent(agent="agent_0", kind="gas_contact", text="first contact")
-                score = inbox[keys.SCORE]
-                fields = {name: getattr(score, name) for name in ("tick", "agents", "is_final")}
-                inbox[keys.SCORE] = type(score)(**fields, events=(event,))
-            core.step(tick, inbox)
-        core.close()
-        return RecordedRun(recording=path, scenario=flight.scenario, text="")
+        def meet_gas(inbox):
+            score = inbox[keys.SCORE]
+            if score.tick != contact_tick:
+                return inbox
+            event = RefereeEvent(agent="agent_0", kind="gas_contact", text="first contact")
+            return {**inbox, keys.SCORE: score.model_copy(update={"events": (event,)})}
+
+        path = record(run_id=name, n_ticks=N_TICKS, edit=meet_gas)
+        return RecordedRun(recording=path, scenario=ScriptedFlight(n_ticks=N_TICKS).scenario, text="")
 
     return run
 

@@ -1,8 +1,7 @@
 """Beliefs are drawn over the map, and how good they are over time; recordings without them show nothing of it."""
 
 import numpy as np
-import rerun.blueprint as rrb
-from recording_content import column
+from recording_content import column, view_names
 from scripted_flight import WAYPOINT_EVERY_TICKS, belief_of, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint
@@ -38,18 +37,12 @@ def test_without_beliefs_there_is_nothing_of_them(record, rows_of):
     assert not [entity for entity in rows_of(record()) if "belief" in entity]
 
 
-def _names(part):
-    if isinstance(part, rrb.View):
-        return [part.name]
-    return [name for item in part.contents for name in _names(item)]
-
-
 def test_only_who_believes_has_a_map_of_beliefs(make_room):
-    root = default_blueprint(scenario(n_agents=3), make_room(), believers=("agent_0", "agent_2")).root_container
-    maps = [name for name in _names(root) if name.startswith("Belief of ")]
+    names = view_names(default_blueprint(scenario(n_agents=3), make_room(), believers=("agent_0", "agent_2")))
+    maps = [name for name in names if name.startswith("Belief of ")]
     assert maps == [f"Belief of {name}" for name in ("agent_0", "agent_2")]
-    assert "Belief within 1 m of the source [1]" in _names(root)
-    assert not [name for name in _names(default_blueprint(scenario(), make_room()).root_container) if "elie" in name]
+    assert "Belief within 1 m of the source [1]" in names
+    assert not [name for name in view_names(default_blueprint(scenario(), make_room())) if "elie" in name]
 
 
 def test_a_belief_in_space_is_summed_over_the_height():

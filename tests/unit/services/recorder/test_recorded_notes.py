@@ -1,8 +1,7 @@
 """What methods note of their state is drawn as lanes and curves; recordings without notes show nothing of it."""
 
 import numpy as np
-import rerun.blueprint as rrb
-from recording_content import column
+from recording_content import column, view_names
 from scripted_flight import WAYPOINT_EVERY_TICKS, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint
@@ -23,13 +22,8 @@ def test_without_notes_there_is_nothing_of_them(record, rows_of):
     assert not [entity for entity in rows_of(record()) if "notes" in entity]
 
 
-def _names(part):
-    return [part.name] if isinstance(part, rrb.View) else [name for item in part.contents for name in _names(item)]
-
-
 def test_only_a_run_with_notes_has_views_of_them(make_room):
     with_notes, without = (
-        _names(default_blueprint(scenario(), make_room(), has_notes=has_notes).root_container)
-        for has_notes in (True, False)
+        view_names(default_blueprint(scenario(), make_room(), has_notes=has_notes)) for has_notes in (True, False)
     )
     assert set(with_notes) - set(without) == {"Mode", "Notes"}

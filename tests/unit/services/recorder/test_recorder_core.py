@@ -15,7 +15,7 @@ from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmis
 from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder import run_recording
 from gslcosim_services.recorder.core import FLUSH_TICKS, RecorderCore
-from gslcosim_services.recorder.rerun_cli import is_complete, run_rerun
+from gslcosim_services.recorder.rerun_cli import run_rerun
 from gslcosim_services.recorder.rows.agents import TRACK_STRIP_TICKS
 from gslcosim_services.recorder.rows.gas import MAX_FILAMENTS
 
@@ -39,10 +39,6 @@ def test_every_port_of_the_run_is_read_and_none_written(make_room, tmp_path):
     }
     assert all(read.delay_ticks == 0 for read in spec.reads)
     assert spec.writes == ()
-
-
-def test_a_closed_recording_is_whole(record):
-    assert is_complete(record())
 
 
 @pytest.mark.parametrize("n_ticks", [1, 40, FLUSH_TICKS, 2 * FLUSH_TICKS + 3])
@@ -81,45 +77,6 @@ def test_what_stands_still_is_drawn_once_for_all_times(record, rows_of):
     assert rows["/vehicles/agent_0/rotors"] == -1
 
 
-def test_each_agent_has_its_own_vehicle_track_and_curves(record, rows_of):
-    rows = rows_of(record(n_agents=2, n_ticks=20))
-    for name in ("agent_0", "agent_1"):
-        assert rows[f"/vehicles/{name}"] == 20
-        assert rows[f"/plots/distance_m/{name}"] == 20
-        assert rows[f"/tracks/{name}"] > 0
-
-
-def test_values_lie_at_their_tick_and_simulated_time(record):
-    flight = ScriptedFlight(n_ticks=150)
-    ticks, times_s, values = column(record(n_ticks=150), "/vehicles/agent_0", "Transform3D:translation")
-    assert ticks == list(range(150))
-    assert times_s == pytest.approx([0.1 * tick for tick in ticks], abs=1e-9)
-    np.testing.assert_allclose([value[0] for value in values], [flight.position_m(tick) for tick in ticks], rtol=1e-6)
-
-
-def test_curves_are_the_numbers_of_the_messages(record):
-    flight, path = ScriptedFlight(n_ticks=20), record(n_ticks=20)
-    inboxes = [flight.inbox(tick) for tick in range(20)]
-    bodies = [inbox[keys.BODIES].bodies[0] for inbox in inboxes]
-    observations = [inbox[keys.observation("agent_0")] for inbox in inboxes]
-    expected = {
-        "/plots/tracking_error_m/agent_0": [body.tracking_error_m for body in bodies],
-        "/plots/distance_m/agent_0": [inbox[keys.SCORE].agents[0].distance_to_source_m for inbox in inboxes],
-        "/plots/gas_ppm/agent_0/nose/ethanol": [
-            inbox[keys.SAMPLES].samples[0].gases[0].mixing_ratio_ppm for inbox in inboxes
-        ],
-        "/plots/response/agent_0/nose": [each.reading("nose").values[0] for each in observations],
-        "/plots/wind_m_s/agent_0/vane/measured": [
-            observation.reading("vane").values[0] for observation in observations
-        ],
-        "/plots/wind_m_s/agent_0/vane/true": [0.5] * 20,
-    }
-    for entity, values in expected.items():
-        ticks, _, scalars = column(path, entity, "Scalars:scalars")
-        assert ticks == list(range(20))
-        assert [scalar for (scalar,) in scalars] == pytest.approx(values, rel=1e-12), entity
-
-
 def test_no_wall_clock_is_in_the_file(record):
     for chunk in RrdReader(record()).store().stream().to_chunks():
         assert set(chunk.timeline_names) <= {"tick", "sim_time"}
@@ -145,15 +102,10 @@ def test_a_planned_path_is_drawn_once_from_where_it_was_planned(record):
         np.testing.assert_allclose(strip, points_m, rtol=1e-6)
 
 
-def test_large_clouds_are_thinned_evenly_and_stay_in_the_file_size(record):
-    n_filaments = 2 * MAX_FILAMENTS + 1
+@pytest.mark.parametrize("n_filaments", [0, 2 * MAX_FILAMENTS + 1])
+def test_large_clouds_are_thinned_evenly_and_empty_ones_recorded(record, n_filaments):
     _, _, centres = column(record(n_ticks=1, n_filaments=n_filaments), "/gas/filaments", "GaussianSplats3D:centers")
     assert len(centres[0]) == -(-n_filaments // 3)
-
-
-def test_an_empty_cloud_is_recorded(record):
-    _, _, centres = column(record(n_ticks=1, n_filaments=0), "/gas/filaments", "GaussianSplats3D:centers")
-    assert centres == [[]]
 
 
 def test_nothing_is_recorded_after_the_verdict(make_room, rows_of, tmp_path):
@@ -187,18 +139,6 @@ def test_a_run_that_ends_without_verdict_is_recorded_to_its_end(record, rows_of)
     assert rows["/vehicles/agent_0"] == 45
     assert rows["/tracks/agent_0"] == -(-44 // TRACK_STRIP_TICKS)
     assert rows["/summary"] == 1
-
-
-def test_beside_the_plots_is_what_an_anemometer_reports_and_its_curve_does_not_draw(record):
-    """The viewer draws every number of a plot's entity, of any component: the columns have entities of their own."""
-    flight, path = ScriptedFlight(n_ticks=20), record(n_ticks=20)
-    vane = "/anemometers/agent_0/vane"
-    ticks, _, rows = column(path, f"{vane}/measured", "wind_from_rad")
-    readings = {tick: flight.inbox(tick)[keys.observation("agent_0")].reading("vane").values for tick in ticks}
-    np.testing.assert_allclose([row for (row,) in rows], [from_rad for _, from_rad in readings.values()], rtol=1e-6)
-    ticks, _, rows = column(path, f"{vane}/true", "wind_m_s")
-    assert ticks == list(range(20))
-    np.testing.assert_allclose(np.linalg.norm([row for (row,) in rows], axis=1), 0.5)
 
 
 def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):
@@ -263,19 +203,17 @@ def test_rerun_switched_off_is_an_error_instead_of_an_empty_file(make_room, tmp_
         core.reset(Episode(seed=0))
 
 
-def test_the_radio_has_a_log_that_shows_what_became_of_each_text(make_room, tmp_path):
-    flight = ScriptedFlight(n_agents=2, channels=({"name": "radio"},))
-    path = tmp_path / "recording.rrd"
-    core = RecorderCore(flight.scenario, make_room(), path)
-    core.reset(Episode(seed=0))
+def test_the_radio_has_a_log_that_shows_what_became_of_each_text(record):
     message = RadioMessage(channel="radio", text="here")
     sent = RadioTransmission(sender="agent_0", message=message, reached=("agent_1",))
     lost = RadioTransmission(sender="agent_1", message=message, lost=("agent_0",))
     refused = RadioTransmission(sender="agent_1", message=message, refusal="outgoing[0].text: too long.")
-    for tick in range(3):
-        traffic = RadioTraffic(tick=tick, transmissions=(sent, lost, refused) if tick == 2 else ())
-        core.step(tick, {**flight.inbox(tick), keys.RADIO: traffic})
-    core.close()
+
+    def transmit(inbox):
+        tick = inbox[keys.BODIES].tick
+        return {**inbox, keys.RADIO: RadioTraffic(tick=tick, transmissions=(sent, lost, refused) if tick == 2 else ())}
+
+    path = record(n_ticks=3, n_agents=2, channels=({"name": "radio"},), edit=transmit)
     ticks, _, texts = column(path, "/radio", "TextLog:text")
     assert ticks == [2, 2, 2]
     assert [text[0] for text in texts] == [
@@ -283,8 +221,3 @@ def test_the_radio_has_a_log_that_shows_what_became_of_each_text(make_room, tmp_
         "agent_1 on radio to all: here   [lost for agent_0]",
         "agent_1 on radio to all: here   [refused: outgoing[0].text: too long.]",
     ]
-    assert keys.RADIO in {read.port for read in core.spec.reads}
-
-
-def test_without_channels_there_is_no_radio_in_the_recording(record, rows_of):
-    assert "/radio" not in rows_of(record())

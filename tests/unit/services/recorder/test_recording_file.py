@@ -9,7 +9,6 @@ from gslcosim.base.errors import RecordingWriteError
 from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.recorder.recording_file import PipedFile
-from gslcosim_services.recorder.rerun_cli import is_complete
 
 pytestmark = pytest.mark.skipif(not PipedFile.is_possible(), reason="there are no pipes with names")
 
@@ -77,7 +76,3 @@ def test_a_recorder_without_room_fails_at_once_with_its_reason(make_room, tmp_pa
 
     with pytest.raises(RecordingWriteError, match=r"recording\.rrd: expected to write .*, was file too large"):
         record()
-
-
-def test_a_recording_through_the_pipe_is_whole(record):
-    assert is_complete(record(n_ticks=300))

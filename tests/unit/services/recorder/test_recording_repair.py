@@ -31,13 +31,6 @@ sys.stdin.read()
 """
 
 
-def test_a_whole_recording_is_left_as_it_is(record):
-    path = record()
-    content = path.read_bytes()
-    assert not repair_recording(path)
-    assert path.read_bytes() == content
-
-
 @pytest.mark.parametrize("kept_frac", [0.4, 0.7, 0.95, 0.999])
 def test_a_truncated_recording_is_whole_after_repair(record, rows_of, kept_frac):
     path = record(n_ticks=300)

@@ -104,7 +104,6 @@ def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_h
 @pytest.mark.skipif(not build_parent_death_prefix(), reason="setpriv tells Linux to end it")
 @pytest.mark.usefixtures("vulkan")
 def test_a_command_that_is_killed_leaves_no_renderer(record, tmp_path):
-    """Nobody else would end it."""
     call = [sys.executable, "-m", "gslcosim", "view", str(record()), "--screenshot", str(tmp_path / "picture.png")]
     with subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as command:
         process = psutil.Process(command.pid)

@@ -69,9 +69,3 @@ def test_a_run_looks_like_its_environment(recorded, rows_of, roof, tmp_path):
     record_environment(load_environment(folder, with_meshes=True), view)
     for component in ("Mesh3D:vertex_positions", "Mesh3D:albedo_factor"):
         assert still(recording, PART, component) == still(view, PART, component)
-
-
-def test_an_environment_without_meshes_shows_its_boxes(recorded, rows_of):
-    folder, recording = recorded(meshes=())
-    assert not (folder / MESHES_FILE).exists()
-    assert "/room/obstacles" in rows_of(recording)

@@ -46,8 +46,9 @@ def test_samples_readings_and_figures_have_units_in_their_names(record):
     np.testing.assert_allclose(response.value, 50_000.0 - response.tick)
     np.testing.assert_allclose(speed.value, 0.5)
     assert (wind_from.sensor, wind_from.columns) == ("vane", ("wind_from_rad",))
-    distance = streams.read_figures(rows, flight.scenario, names)[0]
-    assert distance.columns == ("distance_m",)
+    figures = {one.columns: one for one in streams.read_figures(rows, flight.scenario, names)}
+    distance, error = figures["distance_m",], figures["tracking_error_m",]
+    np.testing.assert_allclose(error.value, 0.01 * error.tick)
     np.testing.assert_allclose(distance.value, [math.dist(flight.position_m(t), SOURCE_M) for t in distance.tick])
 
 

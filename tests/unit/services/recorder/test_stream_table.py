@@ -44,7 +44,6 @@ def test_readings_are_shared_out_among_streams_in_turn():
 
 
 def test_recordings_of_older_versions_have_the_wind_as_bytes(tmp_path: Path):
-    """They are read as if the columns had names: the vector, and where it comes from."""
     scenario = ScriptedFlight(n_ticks=4).scenario
     (names,) = build_entities(scenario)
     path, ticks = tmp_path / "run" / "recording.rrd", [0, 1, 2]

@@ -18,12 +18,15 @@ def test_all_mass_in_the_cell_of_the_source_scores_best():
     p = np.zeros((4, 3))
     p[2, 1] = 1.0
     score = compute_belief_score(belief(p), [(2.5, 1.5, 2.0)], within_m=0.5)
-    assert (score.expected_distance_m, score.mass_near_frac, score.cell_frac, score.entropy_bits) == (
-        0.0,
-        1.0,
-        1.0,
-        0.0,
-    )
+    figures = score.expected_distance_m, score.mass_near_frac, score.cell_frac, score.entropy_bits
+    assert figures == (0.0, 1.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("sources_m", "cell_frac"), [([(9.0, 9.0, 1.0), (0.5, 0.5, 1.0)], 1.0), ([(-0.1, 0.5, 1.0)], 0.0)]
+)
+def test_the_nearest_of_several_sources_counts_and_one_outside_is_in_no_cell(sources_m, cell_frac):
+    assert compute_belief_score(belief(np.ones((1, 1))), sources_m, within_m=0.1).cell_frac == cell_frac
 
 
 def test_the_expected_distance_is_that_of_each_cell_weighted_by_its_probability():
@@ -42,15 +45,6 @@ def test_a_belief_in_space_is_judged_in_space_and_one_in_the_plane_in_the_plane(
     assert in_space.expected_distance_m == pytest.approx((0 + 1 + 2 + 3) / 4)
     in_plane = compute_belief_score(belief(np.ones((1, 1)), origin_m=(0.0, 0.0, 0.0)), [(0.5, 0.5, 3.5)], within_m=0.5)
     assert in_plane.expected_distance_m == 0.0
-
-
-def test_the_nearest_of_several_sources_counts():
-    score = compute_belief_score(belief(np.ones((1, 1))), [(9.0, 9.0, 1.0), (0.5, 0.5, 1.0)], within_m=0.1)
-    assert (score.expected_distance_m, score.cell_frac) == (0.0, 1.0)
-
-
-def test_a_source_outside_of_the_grid_is_in_no_cell():
-    assert compute_belief_score(belief(np.ones((1, 1))), [(-0.1, 0.5, 1.0)], within_m=0.1).cell_frac == 0.0
 
 
 def test_even_beliefs_have_the_logarithm_of_their_cells_as_entropy():

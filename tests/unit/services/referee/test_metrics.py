@@ -1,12 +1,8 @@
 import pytest
 
-from gslcosim_services.referee.metrics import directness, distance_m, find_nearest, movement_overhead
+from gslcosim_services.referee.metrics import directness, find_nearest, movement_overhead
 
 START, SOURCE = (0.0, 0.0, 0.0), (3.0, 4.0, 12.0)  # 13 m apart
-
-
-def test_distance_is_euclidean_in_three_dimensions():
-    assert distance_m(START, SOURCE) == 13.0
 
 
 def test_nearest_takes_the_first_of_equals():

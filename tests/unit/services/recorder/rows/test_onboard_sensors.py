@@ -1,7 +1,6 @@
 """Rows of lidars and cameras when a reading is sent again."""
 
 import numpy as np
-import pytest
 from contract_examples import EXAMPLES
 from scripted_flight import scenario
 
@@ -37,24 +36,6 @@ def make_sensor(**block):
     ((spec, _),) = names.on_board_sensors
     file = SentRows()
     return names, spec, PoseHistory([spec], TICK_NS), RecordingRows(file), file
-
-
-def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
-    names, spec, poses, rows, file = make_sensor(
-        model="lidar_2d", name="scan", mount_m=(0, 0, 0.5), max_range_m=5.0, lidar={"n_azimuths": 4}
-    )
-    scans = RangeRows(rows, names, spec, poses, TICK_NS)
-    ranges = NumericArray.from_array(np.array([[1.0, 5.0, 2.0, 5.0]], np.float32))
-    scan = Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges)
-    poses.add(3, BODY)
-    scans.add_reading(3, scan)
-    scans.add_reading(4, scan.model_copy(update={"array": None}))
-    rows.send()
-    rows.send()
-    ((entity, ticks, (column,)),) = file.sent
-    assert (entity, ticks) == ("seen/agent_0/scan", [3])
-    points_m = np.array(column.as_arrow_array().to_pylist()[0])
-    assert points_m == pytest.approx(np.array([[-1.0, 0.0, 2.5], [2.0, 0.0, 2.5]]), abs=1e-6)
 
 
 def test_a_scan_that_is_sent_again_because_a_command_is_awaited_is_recorded_once():
