@@ -55,6 +55,15 @@ class Pilot:
     def run_until_asked(self):
         return self.run_until(lambda body: body.awaiting_command)
 
+    def fly(self, command):
+        """Give the first vehicle a command and step until it asks for the next."""
+        self.step(agent_0=command)
+        return self.run_until_asked()
+
+    def touched(self):
+        """Return the names of all that vehicles have touched in flight, but for the floor."""
+        return {name for message in self.log[1:] for body in message.bodies for name in body.contacts} - {"floor"}
+
 
 @pytest.fixture
 def make_pilot(make_room, make_scenario):

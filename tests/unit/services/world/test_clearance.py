@@ -19,10 +19,6 @@ def velocity(*velocity_world_m_s):
     return {"kind": "velocity", "velocity_world_m_s": velocity_world_m_s}
 
 
-def touched(pilot):
-    return {name for message in pilot.log[1:] for name in message.bodies[0].contacts} - {"floor"}
-
-
 # ---------------------------------------------------------------- velocity
 
 
@@ -39,7 +35,7 @@ def test_a_velocity_ends_before_it_comes_too_near(hovering_pilot, model, avoidan
     clearance_m = RADII_M[model] + 0.05
     assert "velocity: expected a stop at least" in body.rejected_command
     assert body.phase == "holding"
-    assert not touched(pilot)
+    assert not pilot.touched()
     # At most a cell and a tick's way further from the wall than it must.
     assert clearance_m - 0.03 < 7.0 - body.position_world_m[0] < clearance_m + 0.25 + 0.15
     assert math.hypot(*body.velocity_world_m_s) < 0.05
@@ -51,7 +47,7 @@ def test_a_drive_ends_before_it_comes_too_near(make_pilot):
     for _ in range(120):
         pilot.step(agent_0={"kind": "drive", "drive": DriveSetpoint(speed_m_s=0.8, yaw_rate_rad_s=0.0)})
     assert "drive: expected a stop at least 0.32 m from obstacles" in pilot.body().rejected_command
-    assert not touched(pilot)
+    assert not pilot.touched()
     assert 7.0 - pilot.body().position_world_m[0] > 0.3
 
 
@@ -70,7 +66,7 @@ def test_who_is_too_near_may_only_leave(hovering_pilot, speed_m_s, is_refused):
     body = pilot.run(30)
     assert (body.rejected_command is not None) == is_refused
     assert (body.position_world_m[0] < 5.6) != is_refused
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 # ---------------------------------------------------------------- up and down
@@ -85,11 +81,10 @@ def test_it_takes_off_as_far_as_the_air_is_free(make_pilot, model):
     assert body.rejected_command == (
         f"take_off: expected a free way to a height of 2 m, was free as far as {highest_m:.2f} m; goes there."
     )
-    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (3.0, 3.0, 3.0)})
-    body = pilot.run_until_asked()
+    body = pilot.fly({"kind": "waypoint", "position_world_m": (3.0, 3.0, 3.0)})
     assert body.position_world_m == pytest.approx((3.0, 3.0, 3.0), abs=0.02)
     assert body.rejected_command is None
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_it_stays_where_it_cannot_rise(make_pilot):
@@ -103,14 +98,13 @@ def test_it_stays_where_it_cannot_rise(make_pilot):
         assert body.rejected_command.endswith("the vehicle stays.")
         body = pilot.run_until_asked()
     assert body.position_world_m == pytest.approx(before_m, abs=1e-3)
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_it_does_not_land_through_what_hangs(asked_pilot):
     lamp = ("lamp", (3.25, 2.75, 1.0), (3.5, 3.25, 1.25))
     pilot = asked_pilot({"avoidance": "3d", "start_m": (3.0, 5.0, 0.2)}, obstacles=[lamp])
-    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (3.0, 3.0, 2.0)})
-    pilot.run_until_asked()
+    pilot.fly({"kind": "waypoint", "position_world_m": (3.0, 3.0, 2.0)})
     body = pilot.step(agent_0=LAND)
     assert body.rejected_command == (
         "land: expected a free way down from (3.00, 3.00, 2.00) m, was something solid in it."

@@ -12,8 +12,7 @@ PLACE_M = (4.0, 3.0, 2.0)
 def held_ticks(pilot, command) -> int:
     """Ticks from arrival to the question."""
     pilot.run_until_asked()
-    pilot.step(agent_0=command)
-    asked = pilot.run_until_asked()
+    asked = pilot.fly(command)
     assert asked.awaiting_command
     held_from = max(m.tick for m in pilot.log if m.bodies[0].phase == "flying") + 1
     return pilot.tick - held_from
@@ -49,8 +48,7 @@ def test_a_mission_holds_at_its_end_and_passes_its_bends(make_pilot):
 def test_a_velocity_lasts_as_long_as_the_agent_says(asked_pilot):
     pilot = asked_pilot(vehicle("fixed"))
     asked_at = pilot.tick
-    pilot.step(agent_0={"kind": "velocity", "velocity_world_m_s": (0.2, 0.0, 0.0), "hold_s": 0.5})
-    pilot.run_until_asked()
+    pilot.fly({"kind": "velocity", "velocity_world_m_s": (0.2, 0.0, 0.0), "hold_s": 0.5})
     assert pilot.tick == asked_at + 5
 
 

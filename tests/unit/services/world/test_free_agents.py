@@ -16,8 +16,7 @@ def test_it_is_asked_once_and_again_when_it_has_said_nothing_for_long(asked_pilo
 def test_it_is_asked_again_when_it_has_arrived(make_pilot):
     pilot = make_pilot(mode="free")
     x_m, y_m, z_m = pilot.run_until_asked().position_world_m
-    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (x_m + 1, y_m, z_m)})
-    arrived = pilot.run_until_asked()
+    arrived = pilot.fly({"kind": "waypoint", "position_world_m": (x_m + 1, y_m, z_m)})
     assert abs(arrived.position_world_m[0] - x_m - 1) < 0.1
 
 

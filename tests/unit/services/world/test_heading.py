@@ -49,16 +49,14 @@ def test_the_direction_of_the_path_is_taken_when_there_is_one(iris_constants):
 @pytest.mark.parametrize("model", ["iris", "crazyflie", "holonomic"])
 def test_a_waypoint_with_an_angle_turns_the_nose(asked_pilot, model):
     pilot = asked_pilot({"model": model})
-    pilot.step(agent_0={**WAYPOINT, "yaw_rad": -2.0})
-    body = pilot.run_until_asked()
+    body = pilot.fly({**WAYPOINT, "yaw_rad": -2.0})
     assert yaw_of(body) == pytest.approx(-2.0, abs=0.02)
     assert body.position_world_m == pytest.approx((3.0, 7.0, 2.0), abs=0.03)
 
 
 def test_the_nose_stays_where_it_was(asked_pilot):
     pilot = asked_pilot()
-    pilot.step(agent_0={"kind": "hold", "yaw_rad": 1.0, "hold_s": 3.0})
-    pilot.run_until_asked()
+    pilot.fly({"kind": "hold", "yaw_rad": 1.0, "hold_s": 3.0})
     pilot.step(agent_0=WAYPOINT)
     assert yaw_of(pilot.run_until_asked()) == pytest.approx(1.0, abs=0.02)
 

@@ -40,8 +40,7 @@ def test_it_comes_down_stands_and_asks(make_pilot, model):
 
 def test_it_lands_on_what_is_below(asked_pilot):
     pilot = asked_pilot(obstacles=[TABLE])
-    pilot.step(agent_0=waypoint(4.5, 7.5, 2.0))
-    pilot.run_until_asked()
+    pilot.fly(waypoint(4.5, 7.5, 2.0))
     pilot.step(agent_0=LAND)
     body = pilot.run_until(lambda body: body.phase == "on_ground")
     assert body.position_world_m == pytest.approx((4.5, 7.5, 1.055), abs=0.02)
@@ -49,8 +48,7 @@ def test_it_lands_on_what_is_below(asked_pilot):
 
 def test_it_does_not_land_on_an_edge(asked_pilot):
     pilot = asked_pilot(obstacles=[TABLE])
-    pilot.step(agent_0=waypoint(4.5, 6.2, 2.0))
-    pilot.run_until_asked()
+    pilot.fly(waypoint(4.5, 6.2, 2.0))
     body = pilot.step(agent_0=LAND)
     assert body.rejected_command == "land: expected level ground within 0.38 m of (4.50, 6.20), was 0 to 1 m high."
     assert body.phase == "holding"
@@ -87,8 +85,7 @@ def test_landing_is_broken_off_by_another_command(asked_pilot):
     pilot.step(agent_0=LAND)
     pilot.run(10)
     assert pilot.body().position_world_m[2] < 1.9
-    pilot.step(agent_0=waypoint(3.0, 5.0, 2.5))
-    assert pilot.run_until_asked().position_world_m == pytest.approx((3.0, 5.0, 2.5), abs=0.02)
+    assert pilot.fly(waypoint(3.0, 5.0, 2.5)).position_world_m == pytest.approx((3.0, 5.0, 2.5), abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -150,8 +147,7 @@ def test_a_mission_passes_with_its_velocities_at_its_times(asked_pilot):
 
 def test_the_last_velocity_of_a_mission_is_kept_until_the_next_command(asked_pilot):
     pilot = asked_pilot()
-    pilot.step(agent_0=mission({"position_world_m": (5.0, 3.0, 2.0), "velocity_world_m_s": (0.5, 0.0, 0.0)}))
-    pilot.run_until_asked()
+    pilot.fly(mission({"position_world_m": (5.0, 3.0, 2.0), "velocity_world_m_s": (0.5, 0.0, 0.0)}))
     assert pilot.run(5).velocity_world_m_s == pytest.approx((0.5, 0.0, 0.0), abs=0.03)
     pilot.run_until(lambda body: body.rejected_command)
     assert "expected a stop at x" in pilot.body().rejected_command
@@ -198,8 +194,7 @@ def test_a_mission_whose_path_leaves_the_room_is_refused(asked_pilot):
 def test_limits_beyond_the_vehicles_are_kept_to_what_its_tilt_gives(asked_pilot):
     """At 40 m/s^2 a leg would want a tilt of 76 degrees; the rotors are asked for no more than 0.9 of theirs."""
     pilot = asked_pilot({"max_speed_m_s": 50.0, "max_acceleration_m_s2": 40.0})
-    pilot.step(agent_0=waypoint(13.0, 3.0, 2.0))
-    pilot.run_until_asked()
+    pilot.fly(waypoint(13.0, 3.0, 2.0))
     errors_m = [m.bodies[0].tracking_error_m for m in pilot.log[1:]]
     assert max(errors_m) < 0.4
     assert pilot.body().position_world_m == pytest.approx((13.0, 3.0, 2.0), abs=0.05)

@@ -70,13 +70,6 @@ def test_a_declaration_holds_and_asks_again(asked_pilot):
     assert pilot.body().phase == "holding"
 
 
-def test_the_waypoints_own_hold_time_counts(asked_pilot):
-    pilot = asked_pilot()
-    pilot.step(agent_0={**WAYPOINT, "hold_s": 0.0})
-    pilot.run_until(lambda body: body.phase == "holding")
-    assert pilot.body().awaiting_command
-
-
 def test_a_failed_agent_is_never_asked_again_and_its_vehicle_stays(asked_pilot):
     pilot = asked_pilot()
     pilot.step(agent_0={"kind": "failed", "reason": "gone"})
@@ -113,13 +106,11 @@ def test_a_refused_waypoint_is_explained_held_and_asked_about(asked_pilot, place
 def test_a_waypoint_behind_a_wall_of_boxes_is_given_up(asked_pilot):
     wall = ("rack", (5.0, 0.0, 0.0), (5.5, 10.0, 6.0))
     pilot = asked_pilot(obstacles=[wall])
-    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (8.0, 3.0, 2.0)})
-    body = pilot.run_until_asked()
+    body = pilot.fly({"kind": "waypoint", "position_world_m": (8.0, 3.0, 2.0)})
     assert "was still" in body.rejected_command
     assert body.position_world_m[0] < 5.0
     assert body.phase == "holding"
-    pilot.step(agent_0={"kind": "hold", "hold_s": 5.0})
-    pilot.run_until_asked()
+    pilot.fly({"kind": "hold", "hold_s": 5.0})
     assert math.hypot(*pilot.body().velocity_world_m_s) < 0.05
     assert all(m.bodies[0].contacts == () for m in pilot.log[-20:])
 

@@ -18,59 +18,49 @@ CRATE = ("crate", (5.0, 5.0, 0.0), (6.0, 6.5, 1.0))
 LIMITS = Limits(max_speed_m_s=1.0, max_acceleration_m_s2=2.0)
 
 
-def fly(pilot, **command):
-    pilot.run_until_asked()
-    pilot.step(agent_0=command)
-    return pilot.run_until_asked()
-
-
 def go(place_m):
     return {"kind": "waypoint", "position_world_m": place_m}
 
 
-def touched(pilot):
-    return {name for message in pilot.log[1:] for name in message.bodies[0].contacts} - {"floor"}
-
-
 @pytest.mark.parametrize("model", ["iris", "crazyflie", "holonomic"])
 @pytest.mark.parametrize("mode", ["2d", "3d"])
-def test_flies_around_a_wall_that_stands_in_its_way(make_pilot, model, mode):
-    pilot = make_pilot({"model": model, "avoidance": mode}, obstacles=[WALL])
-    body = fly(pilot, **go((12.0, 3.0, 2.0)))
+def test_flies_around_a_wall_that_stands_in_its_way(asked_pilot, model, mode):
+    pilot = asked_pilot({"model": model, "avoidance": mode}, obstacles=[WALL])
+    body = pilot.fly(go((12.0, 3.0, 2.0)))
     assert math.dist(body.position_world_m, (12.0, 3.0, 2.0)) < 0.15
     assert body.rejected_command is None
-    assert not touched(pilot)
+    assert not pilot.touched()
     heights_m = [message.bodies[0].position_world_m[2] for message in pilot.log[60:]]
     assert (max(heights_m) > 3.5) == (mode == "3d")
 
 
 @pytest.mark.parametrize("vehicle", [{"model": "rover"}, {"start_m": (6.55, 3.0, 0.2)}], ids=["rover", "too near"])
-def test_it_goes_around_on_wheels_and_from_a_place_that_is_too_near(make_pilot, vehicle):
-    pilot = make_pilot({"avoidance": "2d", **vehicle}, obstacles=[WALL])
-    body = fly(pilot, **go((12.0, 3.0, 2.0)))
+def test_it_goes_around_on_wheels_and_from_a_place_that_is_too_near(asked_pilot, vehicle):
+    pilot = asked_pilot({"avoidance": "2d", **vehicle}, obstacles=[WALL])
+    body = pilot.fly(go((12.0, 3.0, 2.0)))
     assert math.dist(body.position_world_m[:2], (12.0, 3.0)) < 0.15
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
-def test_without_avoidance_it_goes_straight(make_pilot):
-    pilot = make_pilot({}, obstacles=[WALL])
-    fly(pilot, **go((12.0, 3.0, 2.0)))
-    assert touched(pilot) == {"wall"}
+def test_without_avoidance_it_goes_straight(asked_pilot):
+    pilot = asked_pilot({}, obstacles=[WALL])
+    pilot.fly(go((12.0, 3.0, 2.0)))
+    assert pilot.touched() == {"wall"}
     assert all(message.bodies[0].planned_path_world_m == () for message in pilot.log)
 
 
-def test_in_plain_sight_the_way_is_that_without_avoidance(make_pilot):
+def test_in_plain_sight_the_way_is_that_without_avoidance(asked_pilot):
     logs = []
     for mode in ("none", "2d", "3d"):
-        pilot = make_pilot({"avoidance": mode}, obstacles=[CRATE])
-        fly(pilot, **go((9.0, 3.0, 2.0)))
+        pilot = asked_pilot({"avoidance": mode}, obstacles=[CRATE])
+        pilot.fly(go((9.0, 3.0, 2.0)))
         logs.append([message.bodies[0].position_world_m for message in pilot.log])
     assert logs[0] == logs[1] == logs[2]
 
 
-def test_bends_are_passed_without_a_stop(make_pilot):
-    pilot = make_pilot({"avoidance": "2d"}, obstacles=[WALL])
-    fly(pilot, **go((12.0, 3.0, 2.0)))
+def test_bends_are_passed_without_a_stop(asked_pilot):
+    pilot = asked_pilot({"avoidance": "2d"}, obstacles=[WALL])
+    pilot.fly(go((12.0, 3.0, 2.0)))
     speeds_m_s = [
         math.hypot(*m.bodies[0].velocity_world_m_s)
         for m in pilot.log
@@ -92,15 +82,15 @@ def test_the_planned_path_leads_to_the_waypoint(asked_pilot):
 
 
 @pytest.mark.parametrize("mode", ["2d", "3d"])
-def test_a_waypoint_in_an_obstacle_is_moved_just_outside_with_a_notice(make_pilot, mode):
-    pilot = make_pilot({"avoidance": mode}, obstacles=[WALL])
-    body = fly(pilot, **go((7.1, 3.0, 2.0)))
+def test_a_waypoint_in_an_obstacle_is_moved_just_outside_with_a_notice(asked_pilot, mode):
+    pilot = asked_pilot({"avoidance": mode}, obstacles=[WALL])
+    body = pilot.fly(go((7.1, 3.0, 2.0)))
     assert "expected a place at least 0.43 m from obstacles, was (7.1, 3, 2) m; goes to (" in body.rejected_command
     x_m, y_m, z_m = body.position_world_m
     assert (y_m, z_m) == pytest.approx((3.0, 2.0), abs=0.2)
     # At least the clearance from the wall's face, and at most a cell more; within 2 cm of the reference.
     assert 0.43 - 0.02 <= 7.0 - x_m <= 0.43 + 0.25 + 0.02
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_a_place_that_cannot_be_reached_is_refused_and_the_vehicle_holds(asked_pilot):
@@ -115,14 +105,14 @@ def test_a_place_that_cannot_be_reached_is_refused_and_the_vehicle_holds(asked_p
     assert math.dist(pilot.run(30).position_world_m, before_m) < 0.05
 
 
-def test_the_way_to_another_height_is_clear_of_what_stands_between(make_pilot):
+def test_the_way_to_another_height_is_clear_of_what_stands_between(asked_pilot):
     table = ("table", (6.0, 0.0, 0.0), (7.0, 10.0, 1.2))
-    pilot = make_pilot({"avoidance": "2d"}, obstacles=[table])
-    body = fly(pilot, **go((11.0, 3.0, 0.6)))
+    pilot = asked_pilot({"avoidance": "2d"}, obstacles=[table])
+    body = pilot.fly(go((11.0, 3.0, 0.6)))
     assert math.dist(body.position_world_m, (11.0, 3.0, 0.6)) < 0.15
-    body = fly(pilot, **go((6.5, 5.0, 2.5)))
+    body = pilot.fly(go((6.5, 5.0, 2.5)))
     assert math.dist(body.position_world_m, (6.5, 5.0, 2.5)) < 0.15
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_a_new_waypoint_in_flight_keeps_clear_from_the_motion_it_has(make_pilot):
@@ -131,7 +121,7 @@ def test_a_new_waypoint_in_flight_keeps_clear_from_the_motion_it_has(make_pilot)
     for place_m in [(6.0, 3.0, 2.0), (12.0, 3.0, 2.0), (3.0, 3.0, 1.0), (5.5, 8.0, 0.7), (9.0, 1.0, 2.0)]:
         for _ in range(45):
             pilot.step(agent_0=go(place_m))
-    assert not touched(pilot)
+    assert not pilot.touched()
     assert all(message.bodies[0].rejected_command is None for message in pilot.log)
 
 
@@ -143,14 +133,14 @@ def test_what_is_said_again_keeps_its_notice(make_pilot):
     assert None not in notices
 
 
-def test_missions_go_around_and_hold_as_they_say(make_pilot):
-    pilot = make_pilot({"avoidance": "3d"}, obstacles=[WALL])
+def test_missions_go_around_and_hold_as_they_say(asked_pilot):
+    pilot = asked_pilot({"avoidance": "3d"}, obstacles=[WALL])
     points = ({"position_world_m": (12.0, 3.0, 2.0), "hold_s": 1.0}, {"position_world_m": (3.0, 3.0, 2.0)})
-    body = fly(pilot, kind="mission", waypoints=points)
+    body = pilot.fly({"kind": "mission", "waypoints": points})
     assert math.dist(body.position_world_m, (3.0, 3.0, 2.0)) < 0.15
     there = [m.tick for m in pilot.log if math.dist(m.bodies[0].position_world_m, (12.0, 3.0, 2.0)) < 0.15]
     assert len(there) >= 10
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_a_place_that_cannot_be_passed_clear_is_refused(asked_pilot):
@@ -162,11 +152,10 @@ def test_a_place_that_cannot_be_passed_clear_is_refused(asked_pilot):
     assert body.phase == "holding"
 
 
-def test_the_same_flight_comes_back_to_the_bit(make_pilot):
+def test_the_same_flight_comes_back_to_the_bit(asked_pilot):
     logs = []
     for _ in range(2):
-        pilot = make_pilot({"avoidance": "3d"}, {"avoidance": "2d"}, obstacles=[WALL, CRATE])
-        pilot.run_until_asked()
+        pilot = asked_pilot({"avoidance": "3d"}, {"avoidance": "2d"}, obstacles=[WALL, CRATE])
         pilot.step(agent_0=go((12.0, 3.0, 2.0)), agent_1=go((3.0, 8.0, 1.0)))
         pilot.run(150)
         logs.append([encode(message) for message in pilot.log])

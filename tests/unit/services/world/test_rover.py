@@ -58,15 +58,6 @@ def test_a_waypoint_says_where_to_look(make_pilot):
     assert yaw_of(pilot.run(30)) == pytest.approx(1.5, abs=0.02)
 
 
-def test_a_velocity_is_a_direction_and_a_speed(make_pilot):
-    pilot = make_pilot(ROVER, mode="lockstep")
-    pilot.run(3)
-    pilot.step(agent_0={"kind": "velocity", "velocity_world_m_s": (0.3, 0.4, 0.0)})
-    body = pilot.run(60)
-    assert body.velocity_world_m_s == pytest.approx((0.3, 0.4, 0.0), abs=0.01)
-    assert yaw_of(body) == pytest.approx(math.atan2(4, 3), abs=0.02)
-
-
 def test_a_turning_velocity_drives_a_circle_of_the_right_radius(make_pilot):
     pilot = make_pilot({**ROVER, "start_m": (7.0, 3.0, 0.1)}, mode="lockstep")
     pilot.run(3)
@@ -182,8 +173,7 @@ def test_what_it_cannot_do_is_refused_with_a_reason(asked_pilot, command, text):
 
 def test_its_limits_are_those_of_its_wheels(asked_pilot):
     pilot = asked_pilot({**ROVER, "max_speed_m_s": 20.0, "max_acceleration_m_s2": 50.0})
-    pilot.step(agent_0=waypoint(12.0, 3.0, 0.1))
-    pilot.run_until_asked()
+    pilot.fly(waypoint(12.0, 3.0, 0.1))
     speeds = [math.hypot(*message.bodies[0].velocity_world_m_s) for message in pilot.log]
     assert 1.1 < max(speeds) < 1.22
     assert max(abs(np.diff(speeds))) < 0.1 * 1.2
@@ -192,8 +182,7 @@ def test_its_limits_are_those_of_its_wheels(asked_pilot):
 def test_a_mission_leads_around_a_corner(asked_pilot):
     pilot = asked_pilot(ROVER)
     corners = [(5.0, 3.0, 0.1), (5.0, 5.0, 0.1), (3.0, 5.0, 0.1)]
-    pilot.step(agent_0={"kind": "mission", "waypoints": tuple({"position_world_m": corner} for corner in corners)})
-    pilot.run_until_asked()
+    pilot.fly({"kind": "mission", "waypoints": tuple({"position_world_m": corner} for corner in corners)})
     for corner in corners:
         assert min(math.dist(m.bodies[0].position_world_m[:2], corner[:2]) for m in pilot.log) < 0.02
     assert pilot.body().path_length_m == pytest.approx(6.0, abs=0.1)

@@ -36,10 +36,6 @@ def nearest_m(pilot):
     )
 
 
-def touched(pilot):
-    return {name for message in pilot.log for body in message.bodies for name in body.contacts} - {"floor"}
-
-
 def send_and_wait(pilot, places_m, at_most=900):
     """Send every vehicle somewhere once all are asked, and wait until all are asked again."""
     pilot.run_until(lambda _: all(body.awaiting_command for body in pilot.log[-1].bodies))
@@ -95,7 +91,7 @@ def test_two_meet_head_on_and_pass_without_contact(make_pilot):
     pilot = make_pilot({"start_m": (3.0, 5.0, 0.2), **spec}, {"start_m": (12.0, 5.0, 0.2), **spec})
     send_and_wait(pilot, [(12.0, 5.0, 2.0), (3.0, 5.0, 2.0)])
     assert nearest_m(pilot) > 1.15
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_without_separation_they_collide(make_pilot):
@@ -103,14 +99,14 @@ def test_without_separation_they_collide(make_pilot):
     pilot.run(60)
     pilot.step(agent_0=go((12.0, 5.0, 2.0)), agent_1=go((3.0, 5.0, 2.0)))
     pilot.run(130)
-    assert touched(pilot)
+    assert pilot.touched()
 
 
 def test_one_alone_goes_around_one_that_does_not_look(make_pilot):
     pilot = make_pilot({"start_m": (3.0, 5.0, 0.2), "separation_m": 1.2}, {"start_m": (12.0, 5.0, 0.2)})
     send_and_wait(pilot, [(12.0, 5.0, 2.0), (3.0, 5.0, 2.0)])
     assert nearest_m(pilot) > 1.15
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 @pytest.mark.parametrize("avoidance", ["none", "3d"])
@@ -133,8 +129,7 @@ def test_a_goal_that_another_one_takes_is_given_up(make_pilot):
     spec = {"separation_m": 1.2}
     pilot = make_pilot({"start_m": (3.0, 5.0, 0.2), **spec}, {"start_m": (8.0, 5.0, 0.2), **spec})
     pilot.run_until(lambda _: all(body.awaiting_command for body in pilot.log[-1].bodies))
-    pilot.step(agent_0=go((8.0, 5.2, 2.0)))
-    body = pilot.run_until_asked()
+    body = pilot.fly(go((8.0, 5.2, 2.0)))
     assert body.rejected_command == "separation: expected a way past other vehicles within 20 s; it holds."
     assert nearest_m(pilot) > 1.0
 
@@ -147,7 +142,7 @@ def test_six_change_places_across_a_circle(make_pilot, model):
     pilot = make_pilot(*({"start_m": (x, y, 2.0), **spec} for x, y, _ in places_m))
     send_and_wait(pilot, [places_m[(i + 3) % 6] for i in range(6)])
     assert nearest_m(pilot) > 1.0
-    assert not touched(pilot)
+    assert not pilot.touched()
 
 
 def test_the_same_encounter_comes_back_to_the_bit(make_pilot):
@@ -174,5 +169,5 @@ def test_nobody_is_pushed_into_a_wall(make_pilot):
     pilot.run_until(lambda _: all(body.awaiting_command for body in pilot.log[-1].bodies))
     pilot.step(agent_0=go((12.0, 5.0, 2.0)), agent_1=go((3.0, 5.0, 2.0)))
     pilot.run(400)
-    assert not touched(pilot)
+    assert not pilot.touched()
     assert nearest_m(pilot) > 1.0
