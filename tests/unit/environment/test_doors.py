@@ -12,7 +12,6 @@ from gslcosim.environment.model import AT_START, OWN_WIND, Cell, EnvironmentVari
 from gslcosim.environment.variants import (
     DynamicEnvironment,
     fill_still_air,
-    find_door_boxes,
     find_variants,
     scenario_in_variant,
 )
@@ -106,9 +105,3 @@ def test_a_room_that_was_not_made_is_reported(room_with_gate):
     scenario, environment = room_with_gate(OPENS)
     with pytest.raises(ModelError, match="expected the room that events bring with no door closed, found none"):
         DynamicEnvironment(replace(environment, later_rooms={}), scenario)
-
-
-def test_doors_are_what_rooms_do_not_share(room_with_gate):
-    _, environment = room_with_gate(OPENS)
-    assert [box.name for box in find_door_boxes(environment)] == ["gate"]
-    assert find_door_boxes(replace(environment, later_rooms={})) == ()

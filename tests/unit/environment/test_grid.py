@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gslcosim.environment.model import Grid, point_text
+from gslcosim.environment.model import Grid
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(7, 5, 3))
 
@@ -26,7 +26,3 @@ def test_cells_beyond_any_face_are_outside():
             cell = np.zeros(3, dtype=np.int64)
             cell[axis] = index
             assert GRID.contains_cell(cell) == is_inside
-
-
-def test_points_are_written_as_in_a_scenario_file():
-    assert point_text((5.0, 1.25, -0.1)) == "[5, 1.25, -0.1]"

@@ -37,7 +37,6 @@ def test_heights_outside_the_room_cut_its_nearest_layer(make_room, height_m):
 
 @pytest.mark.parametrize("bits", [0, 1, 0b1001, 0xFFFFF, 0x5A5A5, 0x0F3C9, 0x86420])
 def test_the_border_of_cells_is_as_long_as_their_free_sides(make_room, bits):
-    """Whatever the cells, their border has the length of all sides between a cell and none, and lies on them."""
     plan = PlanView.of(make_room(), 1.0)
     cells = np.zeros(plan.solid.shape, dtype=bool)
     cells[:5, :4] = np.array([bits >> i & 1 for i in range(20)], dtype=bool).reshape(5, 4)

@@ -35,12 +35,13 @@ def offered(problem):
     return tuple(float(number) for number in problem.remedy.split("[")[1].split("]")[0].split(","))
 
 
-def test_good_places_have_no_problems():
-    assert find_position_problems(scenario((10.0, 8.0, 0.2), (9.0, 8.0, 0.0))) == []
-
-
-def test_the_default_room_has_no_problems():
-    assert find_position_problems(scenario(environment={"layout": {}})) == []
+@pytest.mark.parametrize(
+    "starts_m",
+    [((10.0, 8.0, 0.2), (9.0, 8.0, 0.0)), ((6.38, 2.5, 0.2), (0.38, 5.0, 0.2)), ((5.0, 2.5, 2.0),)],
+    ids=["far apart", "a radius from shelf and wall", "on the shelf"],
+)
+def test_good_starts_have_no_problems(starts_m):
+    assert find_position_problems(scenario(*starts_m)) == []
 
 
 def test_a_source_in_an_obstacle_is_refused_with_the_nearest_free_point():
@@ -92,40 +93,27 @@ def test_the_nearest_free_point_is_the_nearest_of_all_air_cells():
         )
 
 
-def test_a_start_in_an_obstacle_is_refused_with_a_start_that_is_free():
-    problem = only_problem((5.0, 2.5, 0.2))
+@pytest.mark.parametrize(
+    ("start_m", "expected", "found"),
+    [
+        ((5.0, 2.5, 0.2), "a point in the room's air", "[5, 2.5, 0.2], inside shelf"),
+        ((6.3, 2.5, 0.2), "0.38 m of free space", "[6.3, 2.5, 0.2], shelf in it"),
+        ((10.0, 0.3, 0.2), "0.38 m of free space", "[10, 0.3, 0.2], wall_y_min in it"),
+        ((50.0, 50.0, 0.2), "a point in the room's air", "[50, 50, 0.2], outside the room"),
+    ],
+)
+def test_a_start_that_is_not_free_is_refused_with_one_that_is(start_m, expected, found):
+    problem = only_problem(start_m)
     assert problem.where == "agents[0].vehicle.start_m"
-    assert problem.found == "[5, 2.5, 0.2], inside shelf"
+    assert problem.found.startswith(found)
+    assert expected in problem.expected
     assert find_position_problems(scenario(offered(problem))) == []
-
-
-def test_a_start_that_touches_an_obstacle_or_a_wall_is_refused():
-    beside_shelf, at_wall = only_problem((6.3, 2.5, 0.2)), only_problem((10.0, 0.3, 0.2))
-    assert beside_shelf.found == "[6.3, 2.5, 0.2], shelf in it"
-    assert at_wall.found == "[10, 0.3, 0.2], wall_y_min in it"
-    assert "0.38 m of free space" in beside_shelf.expected
-    for problem in (beside_shelf, at_wall):
-        assert find_position_problems(scenario(offered(problem))) == []
-
-
-def test_a_start_just_as_far_away_as_the_vehicle_is_wide_is_allowed():
-    assert find_position_problems(scenario((6.38, 2.5, 0.2), (0.38, 5.0, 0.2))) == []
 
 
 def test_a_start_under_something_is_refused_when_the_vehicle_must_rise_through_it():
     table = {"name": "table", "min_m": [7.0, 5.0, 1.0], "max_m": [9.0, 7.0, 1.2]}
     assert only_problem((8.0, 6.0, 0.2), obstacles=[table]).found == "[8, 6, 0.2], table in it"
     assert find_position_problems(scenario((8.0, 6.0, 0.2), obstacles=[table], search_height_m=0.5)) == []
-
-
-def test_a_start_on_top_of_an_obstacle_is_allowed():
-    assert find_position_problems(scenario((5.0, 2.5, 2.0))) == []
-
-
-def test_a_start_outside_the_room_is_refused_with_a_start_that_is_free():
-    problem = only_problem((50.0, 50.0, 0.2))
-    assert problem.where == "agents[0].vehicle.start_m"
-    assert find_position_problems(scenario(offered(problem))) == []
 
 
 @pytest.mark.parametrize(

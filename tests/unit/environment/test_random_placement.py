@@ -10,23 +10,15 @@ from gslcosim.environment.vertical_clearance import clear_height_m
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 
+AGENT = {
+    "start": {"attach": True}, "vehicle": {"start_m": "random"}, "sensors": [{"model": "tgs2600", "name": "nose"}]
+}  # fmt: skip
 SCENARIO = {
-    "schema": "gslcosim/scenario/1",
-    "name": "lot",
-    "seed": 3,
-    "environment": {"layout": {"kind": "warehouse_simple"}},
-    "wind": {"solver": "uniform"},
+    "schema": "gslcosim/scenario/1", "name": "lot", "seed": 3,
+    "environment": {"layout": {"kind": "warehouse_simple"}}, "wind": {"solver": "uniform"},
     "gas": {"sources": [{"position_m": "random"}, {"position_m": [5, 1, 2]}]},
-    "agents": [
-        {
-            "name": name,
-            "start": {"attach": True},
-            "vehicle": {"start_m": "random"},
-            "sensors": [{"model": "tgs2600", "name": "nose"}],
-        }
-        for name in ("one", "two")
-    ],
-}
+    "agents": [{"name": name, **AGENT} for name in ("one", "two")],
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -141,7 +133,6 @@ def test_a_vehicle_that_plans_its_way_does_not_start_where_there_is_none(load, a
 
 
 def test_no_start_is_so_near_a_wall_that_its_cells_keep_the_vehicle_on_the_ground(load):
-    """Thin walls fill whole cells: beside them a holonomic vehicle fits, and its autopilot does not take off."""
     walls = [
         {"name": f"wall_{i}", "min_m": [0.55 + i, 0.0, 0.0], "max_m": [0.6 + i, 3.0, 3.0]} for i in range(5)
     ]  # fmt: skip

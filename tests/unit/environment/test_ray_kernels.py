@@ -1,7 +1,6 @@
 """Line of sight: exact cell traversal, in a box with three different side lengths."""
 
 import numpy as np
-import pytest
 
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 
@@ -62,18 +61,6 @@ def test_sight_is_the_same_in_both_directions():
         # On a lattice of half cells, where the line often hits edges exactly.
         a, b = (at(*(rng.integers(0, 2 * np.array(SHAPE)) / 2)) for _ in range(2))
         assert sees(occupancy, a, b) == sees(occupancy, b, a)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_plate_of_one_cell_hides_what_is_behind_it(axis):
-    middle = SHAPE[axis] // 2
-    occupancy = np.zeros(SHAPE, dtype=np.uint8)
-    occupancy[(slice(None),) * axis + (middle,)] = 1
-    rng = np.random.default_rng(axis)
-    for _ in range(100):
-        a, b = rng.random(3) * SHAPE, rng.random(3) * SHAPE
-        a[axis], b[axis] = rng.random() * middle, SHAPE[axis] - rng.random() * (SHAPE[axis] - middle - 1)
-        assert not sees(occupancy, at(*a), at(*b))
 
 
 def test_no_line_slips_between_two_cells_that_share_an_edge():

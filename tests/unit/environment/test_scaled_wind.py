@@ -25,13 +25,6 @@ def frames():
     return WindFrames(velocity_m_s=rng.normal(size=(3, 2, 2, 2, 3)).astype(np.float32), period_s=10.0)
 
 
-def test_a_share_scales_every_frame(frames):
-    wind = driven(frames)
-    wind.obey({WIND: WindShare(tick=0, share=2.5)})
-    for i, time_s in enumerate((0.0, 10.0, 29.9)):
-        np.testing.assert_array_equal(wind.at(time_s), frames.velocity_m_s[i] * np.float32(2.5))
-
-
 def test_the_last_share_holds(frames):
     wind = driven(frames)
     for share in (0.0, 3.0, 0.5):

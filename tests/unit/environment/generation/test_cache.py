@@ -62,11 +62,6 @@ def test_a_damaged_environment_in_the_cache_is_made_again(tmp_path, caplog):
     load_environment(folder)
 
 
-def test_the_cache_is_the_one_of_the_package_unless_set_otherwise(tmp_path, monkeypatch):
-    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path))
-    assert prepare_environment(scenario()).parent == tmp_path / "environments"
-
-
 def test_the_recipe_changes_with_everything_that_changes_the_result():
     layout, wind = LayoutSpec(), WindSpec()
 
@@ -169,13 +164,6 @@ def test_the_built_in_solver_blows_from_the_inlet_around_the_obstacle_to_the_out
     assert len(fractions) > 1
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
-
-
-@pytest.mark.slow
-def test_an_inlet_without_wind_leaves_the_air_still(tmp_path):
-    wind = {"inlet_velocity_m_s": [0.0, 0.0, 0.0], "cell_m": 0.25, "end_time_s": 1.0, "average_from_s": None}
-    environment = load_environment(prepare_environment(scenario(wind=wind), cache_dir=tmp_path))
-    assert not environment.wind.velocity_m_s.any()
 
 
 def test_a_scene_and_a_picture_are_beside_the_environment(tmp_path):

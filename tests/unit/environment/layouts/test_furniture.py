@@ -59,7 +59,6 @@ def test_an_l_shaped_office_lets_the_air_out_at_the_corridors_end():
 
 @pytest.mark.parametrize("seed", range(1, 8))
 def test_every_room_of_a_flat_can_be_reached(seed):
-    """No air is walled in: sealed air would become solid, and more than the walls would be."""
     layout = HomeSpec(seed=seed, n_rooms=6, has_furniture=False)
     wind = WindSpec(cell_m=0.2)
     from gslcosim.environment.openings import voxelize

@@ -69,12 +69,6 @@ def test_lengths_are_those_of_a_reference_library_on_a_thousand_random_grids(is_
     assert 20 < n_without < 400
 
 
-def test_the_same_path_comes_back_each_time():
-    blocked = np.zeros((9, 7, 5), np.uint8)
-    paths = [lattice_path(blocked, np.array((0, 0, 0)), np.array((8, 3, 4))) for _ in range(3)]
-    assert all(np.array_equal(paths[0], path) for path in paths[1:])
-
-
 def test_no_corner_is_cut():
     blocked = np.zeros((2, 2, 1), np.uint8)
     blocked[0, 1, 0] = 1
