@@ -46,7 +46,3 @@ def test_the_air_follows_the_lid_and_returns_below():
     assert wind[4, 3, -1, 0] > 0.2
     assert wind[4, 3, 1, 0] < 0
     assert np.abs(driven(speed_m_s=-1.0)[::-1, :, :, 0] + wind[..., 0]).max() < 1e-4
-
-
-def test_without_anything_that_moves_the_air_stays_still():
-    assert not np.any(driven(speed_m_s=0.0))

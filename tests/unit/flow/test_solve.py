@@ -56,7 +56,6 @@ def test_nothing_moves_in_solids_and_through_their_faces():
 @pytest.mark.parametrize("axes", [(1, 0, 2), (2, 1, 0), (1, 2, 0)])
 @pytest.mark.parametrize("turbulence", MODELS)
 def test_exchanged_axes_give_the_same_wind_with_exchanged_axes(axes, turbulence):
-    """A box with three different side lengths: an axis mixed up anywhere shows here."""
     options = {"end_time_s": 1.5, "turbulence": turbulence}
     straight = solve_wind(room(), CELL_M, [INLET, OUTLET], **options)
     inlet = Inlet(
@@ -111,20 +110,6 @@ def test_the_mean_lies_between_the_fields_it_averages():
     assert 0 < np.linalg.norm(mean - start) < distance
 
 
-def test_progress_rises_to_one():
-    seen = []
-    solve_wind(room(), CELL_M, [INLET, OUTLET], end_time_s=1.0, progress=seen.append)
-    assert seen == sorted(seen)
-    assert 0 < seen[0] < seen[-1] == 1.0
-
-
-def test_an_array_of_centres_is_returned():
-    wind = solve_wind(room(), CELL_M, [INLET, OUTLET], end_time_s=0.5)
-    assert wind.shape == (*SHAPE, 3)
-    assert wind.dtype == np.float32
-    assert np.isfinite(wind).all()
-
-
 def test_a_diverged_flow_says_when_where_and_what_to_change():
     domain = build_domain(room(), CELL_M, [INLET, OUTLET])
     solver = FlowSolver(domain, Laminar(domain, 1.5e-5), courant=0.8)
@@ -132,14 +117,6 @@ def test_a_diverged_flow_says_when_where_and_what_to_change():
     with pytest.raises(
         FlowError, match=r"diverged at 0\.000 s \(step 0\).*near \((1|2)\..., 1\.12, 0\.88\) m.*courant"
     ):
-        solver.step(until_s=1.0)
-
-
-def test_not_a_number_is_a_divergence_too():
-    domain = build_domain(room(), CELL_M, [INLET, OUTLET])
-    solver = FlowSolver(domain, Laminar(domain, 1.5e-5))
-    solver.velocity[2][5, 5, 5] = np.nan
-    with pytest.raises(FlowError, match="diverged"):
         solver.step(until_s=1.0)
 
 
