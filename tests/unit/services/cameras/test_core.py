@@ -70,7 +70,6 @@ LEVEL = ((3.0, 5.0, 3.0), (1.0, 0.0, 0.0, 0.0))
 
 
 def test_depths_are_those_of_the_boxes_along_the_optical_axis(cameras):
-    """Ahead is the box, 5 m away; to the right of its edge the side wall, 5 m from the axis."""
     image = image_of(cameras(camera(model="depth_camera")), LEVEL)
     depths_mm = pixels(image)
     assert (depths_mm.dtype, depths_mm.shape, image.encoding) == (np.uint16, (60, 80), "depth_png")
@@ -79,7 +78,6 @@ def test_depths_are_those_of_the_boxes_along_the_optical_axis(cameras):
 
 
 def test_every_pixel_lies_where_its_calibration_says(cameras):
-    """Points from depths, focal length, centre and mount are on faces of the room or the box."""
     eye = camera(model="depth_camera", mount_m=(0.1, 0.2, 0.3), mount_rpy_rad=(0.2, 0.1, -0.3))
     place = ((3.0, 5.0, 3.0), YAW_90)
     image = image_of(cameras(eye, vehicles=({},), room=None), place)
@@ -179,7 +177,6 @@ def test_either_way_to_draw_works_alone(renderer, environment):
 
 
 def test_a_door_is_seen_while_it_is_closed(room_with_gate):
-    """Before it is 1.5 m away, behind it the wall of the room 4.5 m away."""
     eye = "agents[0].sensors=[{model: depth_camera, name: eye, max_range_m: 9}]"
     moves = ("{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}")
     try:
