@@ -142,7 +142,7 @@ OTHERS = {
     "bench list": "reads what is installed",
     "bench keygen": "writes two files",
     "bench seal": "reads a suite and writes two files",
-    "bench reveal": "reads two small files: extensions/bench/tests/unit/test_sealing.py",
+    "bench reveal": "reads two small files: extensions/archive/tests/unit/test_sealing.py",
     "bench pack": "reads a folder of one's own: extensions/bench/tests/unit/cases/test_submission_bundles.py",
     "reality": "reads measured data: extensions/validation/tests/unit/test_readers.py",
     "bench plan": "reads a suite",
@@ -191,7 +191,6 @@ def changed(data, value):
 
 
 def damaged(data, content, name):
-    """Return other bytes for a file."""
     kinds = ["whole", "cut", "flipped"]
     if name.endswith((".json", ".jsonl", ".log", ".yaml")) or name == "checkpoint.npz":
         kinds += ["values"] * 4
@@ -434,7 +433,6 @@ class StatusSocket:
         threading.Thread(target=self._serve, daemon=True).start()
 
     def close(self):
-        """End it."""
         self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
 

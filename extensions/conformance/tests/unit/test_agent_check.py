@@ -15,7 +15,6 @@ LIMITS = SessionLimits(join_s=10.0, answer_s=1.0)
 
 
 def sent(tick, at_s, open_tick=None, **changes):
-    """Return the arrival of a hold command."""
     payload = msgpack.packb({"tick": tick, "kind": "hold"} | changes)
     return ReceivedAnswer(answer=read_answer(payload), at_s=at_s, open_tick=open_tick)
 

@@ -41,20 +41,8 @@ def test_from_six_runs_to_a_film_a_figure_and_a_real_flight(tmp_path, call, caps
     for method in METHODS:
         for seed in SEEDS:
             start = ("--set", f"agents[0].start.python={method}")
-            main(
-                [
-                    "up",
-                    "tiny_room",
-                    "--in-process",
-                    "--quiet",
-                    "--seed",
-                    seed,
-                    *limit,
-                    *start,
-                    "--runs-dir",
-                    str(runs_dir),
-                ]
-            )
+            words = ["up", "tiny_room", "--in-process", "--quiet", "--seed", seed, "--runs-dir", str(runs_dir)]
+            main([*words, *limit, *start])
     capsys.readouterr()
 
     # Find them.

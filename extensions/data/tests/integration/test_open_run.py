@@ -29,18 +29,6 @@ def copied(flown, tmp_path):
     return shutil.copytree(flown, tmp_path / flown.name)
 
 
-def test_a_run_says_what_it_is(flown):
-    run = gslcosim_data.open_run(flown)
-    said, ended = repr(run), run.result["agents"][0]["outcome"]
-    assert said.startswith(f"<Run {flown.name}: seed {run.scenario.seed}, beetle (infotaxis); ")
-    assert said.endswith(f" s simulated, beetle {ended}>")
-
-
-def test_a_run_without_a_result_says_so(copied):
-    (copied / "result.json").unlink()
-    assert repr(gslcosim_data.open_run(copied)).endswith("; without a result>")
-
-
 @pytest.mark.tour
 def test_a_run_is_read_back_as_arrays_that_fit_its_result(flown):
     run = gslcosim_data.open_run(flown)

@@ -25,19 +25,8 @@ def written(tmp_path, *, rows=None, head=HEAD):
 
 
 def imported(capsys, tmp_path, log, *words):
-    exit_code = main(
-        [
-            "runs",
-            "import",
-            str(log),
-            "--scenario",
-            "tiny_room",
-            "--runs-dir",
-            str(tmp_path / "runs"),
-            "--json",
-            *words,
-        ]
-    )
+    call = ["runs", "import", str(log), "--scenario", "tiny_room", "--runs-dir", str(tmp_path / "runs"), "--json"]
+    exit_code = main([*call, *words])
     printed = capsys.readouterr()
     assert exit_code == 0, printed.err
     result = json.loads(printed.out)
@@ -157,16 +146,12 @@ def test_readings_that_no_tick_has_are_named(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("head", "rows", "call_import"),
     [
-        ("time_s,x_m,y_m", ["0,1,2", "1,1,2"], "lacks z_m"),
         ("time_s,x_m,y_m,z_m", ["0,1,2,1"], "expected poses at two times or more, was 1"),
-        ("time_s,x_m,y_m,z_m", ["1,1,2,1", "0,1,2,1"], "expected times that ascend, 0 s follows 1 s"),
-        ("time_s,x_m,y_m,z_m", ["0,1,2,1", "1,here,2,1"], "line 3: x_m: expected a number, was 'here'"),
         (
             "time_s,x_m,y_m,z_m",
             ["0,1,2,1", "1.7e9,1,2,1"],
             "expected poses at most 3600 s apart, 1.7e+09 s follows 0 s",
         ),
-        ("time_s,x_m,y_m,z_m,wind_speed", ["0,1,2,1,1", "1,1,2,1,1"], "wind: expected 2 columns that begin with wind_"),
         (
             "time_s,x_m,y_m,z_m,quaternion_w,quaternion_x,quaternion_y,quaternion_z",
             ["0,1,2,1,0,0,0,0", "1,1,2,1,1,0,0,0"],

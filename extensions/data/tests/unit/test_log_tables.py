@@ -159,11 +159,6 @@ def test_what_is_not_read_or_is_assumed_is_named(tmp_path, columns, sensors, rem
     assert [text.startswith(remark) for text in remarks] == [True] if remark else not remarks
 
 
-def test_a_column_without_numbers_is_named(tmp_path):
-    (remark,) = read(tmp_path, table("nose_ohm", "", "nan"), NOSE).remarks
-    assert remark == "nose: expected numbers in nose_ohm, found none; it has no readings."
-
-
 GOOD = table("nose_ohm", "48000", "47000")
 
 
@@ -204,9 +199,3 @@ def test_tables_that_are_wrong_are_refused_by_line(tmp_path, text, error):
 def test_a_last_line_without_an_end_is_named(tmp_path):
     log = read(tmp_path, GOOD.rstrip(), NOSE)
     assert log.remarks == ("line 3: the last line has no end; if the log was cut off there, delete the line.",)
-
-
-def test_names_that_differ_in_case_only_are_told_apart(tmp_path):
-    sensors = [LoggedSensor(name=name, parts=("ohm",)) for name in ("nose", "Nose")]
-    log = read(tmp_path, table("Nose_ohm,nose_ohm", "21000,48000", "21000,48000"), *sensors)
-    assert (values_of(log, "nose")[0], values_of(log, "Nose")[0]) == ([48000], [21000])

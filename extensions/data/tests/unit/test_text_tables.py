@@ -91,9 +91,3 @@ def test_markdown_shows_foreign_text_as_it_is(text: str, form) -> None:
     for entity, character in (("&lt;", "<"), ("&gt;", ">"), ("&quot;", '"'), ("&amp;", "&")):
         plain = plain.replace(entity, character)
     assert plain == " ".join(text.split())
-
-
-def test_a_table_has_rules_and_empty_cells() -> None:
-    assert format_markdown_table(("#", "a"), [(1, None), (Markdown("**b**"), "c|d")], rules=["--:", "---"]) == [
-        "| # | a |", "|--:|---|", "| 1 |  |", "| **b** | c\\|d |",
-    ]  # fmt: skip

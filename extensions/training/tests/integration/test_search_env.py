@@ -96,17 +96,6 @@ def test_every_action_and_mode_passes_the_checker_and_repeats_itself(settings):
     env.close()
 
 
-@pytest.mark.slow
-def test_environments_form_a_vector():
-    vector = gymnasium.make_vec(SEARCH, num_envs=2, vectorization_mode="sync", scenario="tiny_room")
-    seen, _ = vector.reset(seed=1)
-    assert seen.shape == (2, 15)
-    seen, rewards, *_ = vector.step(vector.action_space.sample())
-    assert np.isfinite(seen).all()
-    assert np.isfinite(rewards).all()
-    vector.close()
-
-
 def test_a_search_that_finds_the_source_terminates():
     env = SearchEnv("tiny_room", reward="sparse", overrides=("agents[0].vehicle.start_m=[2.9, 2, 0.2]",), hold_s=0.0)
     env.reset(seed=1)

@@ -58,37 +58,6 @@ def test_a_training_killed_after_a_checkpoint_ends_with_the_same_weights(whole, 
             assert np.array_equal(load_policy(left / POLICY_FILE).arrays[name], array)
 
 
-@pytest.mark.slow
-def test_what_is_left_of_a_training(whole):
-    trained, folder = whole
-    assert trained.is_over
-    assert len(trained.curves) == 4
-    assert json.loads((folder / "curves.json").read_text()) == trained.curves
-    best = min((each for each in trained.curves if "validation_cost" in each), key=lambda each: each["validation_cost"])
-    assert best["round"] == trained.best_round
-
-
-@pytest.mark.slow
-def test_a_folder_with_a_checkpoint_is_not_written_over(whole):
-    with pytest.raises(UsageError, match=r"expected a folder without a checkpoint, was one with\. Go on with --resume"):
-        Training(load_train_file(TINY), whole[1])
-
-
-@pytest.mark.slow
-def test_a_checkpoint_of_another_train_file_is_refused(whole, tmp_path):
-    other = train_file(tmp_path, seed=("seed: 1", "seed: 2"))
-    with pytest.raises(UsageError, match="of this train file and family"):
-        Training(other, whole[1], is_resumed=True)
-
-
-@pytest.mark.slow
-def test_a_corrupt_checkpoint_is_refused_before_anything_is_prepared(whole, tmp_path):
-    shutil.copytree(whole[1], tmp_path / "corrupt")
-    (tmp_path / "corrupt" / CHECKPOINT).write_bytes(b"PK")
-    with pytest.raises(UsageError, match="corrupt"):
-        Training(load_train_file(TINY), tmp_path / "corrupt", is_resumed=True, tell=lambda *_: pytest.fail("told"))
-
-
 @pytest.mark.parametrize(
     ("before", "after", "expected"),
     [

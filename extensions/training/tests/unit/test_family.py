@@ -118,10 +118,6 @@ def test_doping_lets_hard_cases_come_more_often(tmp_path):
     assert weights[0] / weights[1] == pytest.approx(0.1 + 0.9 * 0.25)
 
 
-def test_without_doping_all_cases_come_equally_often(tmp_path):
-    assert np.array_equal(family(tmp_path).weights(np.array([0.1, 2.0])), [0.5, 0.5])
-
-
 @pytest.mark.parametrize("name", sorted(bundled_families()))
 def test_cases_of_bundled_families_can_be_batched(name):
     from gslcosim_training.batch.case_builder import find_batch_refusal

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.base.errors import UsageError
 from gslcosim_training.parallel_env import RadioCodec
 
 
@@ -23,9 +22,3 @@ def test_texts_of_others_are_no_numbers(text):
 def test_numbers_stay_within_one():
     hears = RadioCodec(briefing(name="b", members="ab"), 1)
     np.testing.assert_array_equal(hears.receive(observation(heard=[("a", "[7]")])), [1.0])
-
-
-def test_without_a_channel_nothing_can_be_sent():
-    assert RadioCodec(briefing(name="a"), 0).message([]) == ()
-    with pytest.raises(UsageError, match="radio_numbers: expected 0 for a, which has no channel, was 2"):
-        RadioCodec(briefing(name="a"), 2)

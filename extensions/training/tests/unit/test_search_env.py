@@ -1,5 +1,3 @@
-import numpy as np
-
 from gslcosim_training.search_env import MapImage
 
 GREY = (120, 120, 125)
@@ -17,8 +15,3 @@ def test_a_map_shows_walls_source_and_way(make_room):
     assert tuple(pixels[64, 384]) == (0, 158, 115), "the source"
     assert tuple(pixels[320 - 32, 64]) == (0, 114, 178), "the way"
     assert tuple(pixels[320 - 32, 96]) == (213, 94, 0), "the vehicle"
-
-
-def test_above_a_rack_the_map_is_free(make_room):
-    room = make_room(obstacles=[("rack", (5.0, 2.0, 0.0), (6.0, 4.0, 3.0))])
-    assert not (MapImage(room, 4.0, []).pixels() == np.array(GREY)).all(axis=2).any()

@@ -273,17 +273,3 @@ def test_the_validator_finds_nothing_and_reads_the_rows(dataset, caplog):
         expected = pq.read_table(dataset / f"{name}.parquet").to_pylist()
         found = [{key.split("/")[1]: plain(value) for key, value in row.items()} for row in read.records(name)]
         assert found == [{key: plain(value) for key, value in row.items()} for row in expected]
-
-
-@pytest.mark.extras
-def test_five_lines_draw_the_first_figure(dataset, monkeypatch):
-    pytest.importorskip("pandas")
-    monkeypatch.chdir(dataset)
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    names = {}
-    exec(EXAMPLE, names)
-    (dataset / "success.png").unlink()
-    rows = [row for row in pq.read_table("trials.parquet").to_pylist() if not row["is_control"]]
-    for entry in ("infotaxis", "a|b"):
-        found = [row["success"] for row in rows if row["entry"] == entry]
-        assert names["success"][entry] == pytest.approx(sum(found) / len(found))

@@ -7,7 +7,6 @@ from gslcosim_archive.signing.signed_results import sign_results
 
 @pytest.fixture(scope="session")
 def key(tmp_path_factory):
-    """The file of an author's key."""
     path = tmp_path_factory.mktemp("key") / "ada"
     write_key(path, "ada")
     return path

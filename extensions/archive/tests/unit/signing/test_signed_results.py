@@ -25,7 +25,6 @@ N_ALTERATIONS = 1000
 
 @pytest.fixture
 def folder(signed_once, tmp_path):
-    """A copy of signed results."""
     return shutil.copytree(signed_once, tmp_path / "results")
 
 

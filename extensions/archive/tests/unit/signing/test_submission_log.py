@@ -26,7 +26,6 @@ N_NOTES = 5
 
 @pytest.fixture(scope="module")
 def log_once(tmp_path_factory, signed_once, key):
-    """A log of notes and one submission."""
     path = tmp_path_factory.mktemp("log") / "log.jsonl"
     for i in range(N_NOTES):
         add_note(path, f"note {i}", key, author=f"author {i}", signed_at="2026-11-27T12:00:00+00:00")

@@ -30,10 +30,6 @@ def test_it_begins_at_the_methods_own_defaults(cases):
     assert (begun.entry.robots, begun.entry.start.python) == (3, "s_pso")
 
 
-def test_a_default_beyond_a_range_begins_at_its_end(cases):
-    assert trainer(cases, ranges={"leg_m": (2.0, 3.0)}).policy().parameters == {"leg_m": 2.0}
-
-
 def test_every_individual_is_within_its_ranges_and_whole_where_the_card_says_so(cases):
     ranges = {"inertia": (0.2, 0.7), "patience": (3.0, 9.0)}
     evolved = trainer(cases, method="dr_pso", ranges=ranges, spread=5.0, population=50)

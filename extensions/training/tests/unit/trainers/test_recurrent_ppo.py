@@ -161,12 +161,6 @@ def test_wrong_settings_are_reported(settings, words):
         trainer(**settings)
 
 
-def test_plain_settings_are_read_and_unknown_ones_reported():
-    assert PpoSettings.of({"observations": ["x"], "rounds": 2}) == PpoSettings(observations=("x",), rounds=2)
-    with pytest.raises(UsageError, match=r"recurrent_ppo: expected settings among rounds, .*, was speed"):
-        PpoSettings.of({"speed": 1})
-
-
 def test_a_checkpoint_of_another_network_is_refused_and_nothing_is_lost():
     one, other = trainer(), trainer(n_units=4)
     before = {name: array.copy() for name, array in one.state().items()}
@@ -184,11 +178,6 @@ def test_a_search_that_ends_by_a_collision_costs_what_is_set(is_final):
         one._cost_of_ends({"final_info": ppo_settings} if is_final else ppo_settings, ends), [1.5, 0, 0, 0]
     )
     assert trainer()._cost_of_ends(ppo_settings, ends) == 0.0
-
-
-def test_a_policy_sees_the_observations_that_were_chosen():
-    one = trainer(observations=("wind.from_cos", "wind.from_sin"))
-    assert one.policy().observation_names == ("wind.from_cos", "wind.from_sin")
 
 
 def test_without_jax_the_command_that_installs_it_is_reported(monkeypatch):
