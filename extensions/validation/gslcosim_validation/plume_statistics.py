@@ -7,6 +7,7 @@ bootstrap intervals over blocks of it; `PUBLISHED` has published bands for them.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,9 @@ def spectral_density(values: F64, step_s: float, *, n_segment: int) -> tuple[F64
     """Return frequencies [1/s] and density of a record, by Welch's method: half-overlapping Hann windows."""
     if len(values) < n_segment:
         raise ShapeError(f"spectrum: expected at least {n_segment} values, was {len(values)}.")
-    window, overlap = np.hanning(n_segment), n_segment - n_segment // 2
+    # scipy-stubs take names of windows alone.
+    window: Any = np.hanning(n_segment)
+    overlap = n_segment - n_segment // 2
     frequency_hz, density = signal.welch(values, 1.0 / step_s, window=window, noverlap=overlap, detrend="constant")
     return frequency_hz[1:], density[1:]
 
@@ -216,7 +219,7 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
     blocks = [
         _analyse_block(values[i * n_block : (i + 1) * n_block], settings, n_segment) for i in range(settings.n_blocks)
     ]
-    frequency_hz = np.fft.rfftfreq(n_segment, settings.step_s)[1:]
+    frequency_hz = np.asarray(np.fft.rfftfreq(n_segment, settings.step_s)[1:], np.float64)
     found = _figures(blocks, frequency_hz, settings)
     rng = np.random.default_rng(seed)
     draws = [

@@ -1,6 +1,8 @@
 """Shells complete commands, options, names and paths."""
 
 import os
+import pty
+import select
 import shutil
 import subprocess
 import sys
@@ -92,6 +94,40 @@ def test_bash_completes_commands_options_names_and_paths(folder):
         "gslcosim up --seed ": set(),
     }  # fmt: skip
     assert {line: set(words) for line, words in zip(wanted, words_of(*wanted), strict=True)} == wanted
+
+
+def press_tab(call, *, script, line, until):
+    """Type a line and a Tab into a shell on a terminal; return what it shows up to `until`, or all within a minute."""
+    terminal, inner = pty.openpty()
+    process = subprocess.Popen(call, stdin=inner, stdout=inner, stderr=inner, start_new_session=True)
+    os.close(inner)
+    shown = ""
+    try:
+        # Not as typed, so that the echo of it is no sign.
+        os.write(terminal, f'{script}; echo REA""DY\n'.encode())
+        for sign, typed in (("READY", f"{line}\t"), (until, "")):
+            shown = ""
+            while sign not in shown and select.select([terminal], [], [], 60)[0]:
+                shown += os.read(terminal, 4096).decode(errors="replace")
+            os.write(terminal, typed.encode())
+    finally:
+        process.kill()
+        process.wait()
+        os.close(terminal)
+    return shown
+
+
+SWITCH_ON = {
+    "bash": (["bash", "--norc", "-i"], 'eval "$(gslcosim completion bash)"'),
+    "zsh": (["zsh", "-f", "-i"], 'autoload -Uz compinit; compinit -u -D; eval "$(gslcosim completion zsh)"'),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shell", [pytest.param(name, marks=needs(name)) for name in SWITCH_ON])
+def test_a_press_of_tab_completes_the_word(folder, shell):
+    call, script = SWITCH_ON[shell]
+    assert "warehouse_empty" in press_tab(call, script=script, line="gslcosim up warehouse_e", until="mpty")
 
 
 @pytest.mark.slow
