@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
-from real_runs import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
+from real_runs import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, wait_a_moment, with_agent
 
 from gslcosim.runtime.processes.stop_detection import can_detect_stops
 from gslcosim.runtime.status import list_active_runs
+from gslcosim_services.recorder.rerun_cli import run_rerun
 
 linux = pytest.mark.skipif(not can_detect_stops(), reason="only Linux tells which processes are stopped")
 
@@ -21,6 +22,7 @@ linux = pytest.mark.skipif(not can_detect_stops(), reason="only Linux tells whic
 HALTING = Path(__file__).parent / "halting_package"
 # A run long enough to be interrupted: the vehicle only ever holds.
 LONG = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.hold_s=0.5")
+HOLDING = (*with_agent("holding"), "--set", "referee.stop.time_limit_s=100")
 
 
 def long_flight(tmp_path, agent="silent_after_one"):
@@ -29,7 +31,9 @@ def long_flight(tmp_path, agent="silent_after_one"):
     return flight
 
 
-@pytest.mark.parametrize("name", ["world", "fields", "sensing", "referee", "recorder"])
+@pytest.mark.parametrize(
+    "name", ["fields", "recorder", *(pytest.param(n, marks=pytest.mark.soak) for n in ("world", "sensing", "referee"))]
+)
 def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
     """With exit code 3, and the recording can still be read."""
     flight = long_flight(tmp_path)
@@ -78,13 +82,17 @@ def test_a_stopped_service_is_named_and_no_other(tmp_path, name):
     assert_recording_is_whole(ended.run_dir)
 
 
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    """The run that nothing stops."""
+    return fly(TINY_ROOM, tmp_path_factory.mktemp("usual"), *HOLDING, is_recorded=True)
+
+
 @linux
 @pytest.mark.parametrize(("name", "stop_s"), [("recorder", 1.0), ("supervisor", 6.0)])
-def test_who_is_continued_has_changed_nothing(tmp_path, name, stop_s):
+def test_who_is_continued_has_changed_nothing(tmp_path, usual, name, stop_s):
     """A service for a moment, the supervisor for as long as anybody likes: digest and exit code are as always."""
-    arguments = (*with_agent("holding"), "--set", "referee.stop.time_limit_s=100")
-    usual = fly(TINY_ROOM, tmp_path / "usual", *arguments, is_recorded=True)
-    flight = start(TINY_ROOM, tmp_path / "stopped", *arguments, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "stopped", *HOLDING, is_recorded=True)
     flight.wait_until_flying()
     pid = flight.process.pid if name == "supervisor" else flight.child(f"gslcosim_services {name}")
     os.kill(pid, signal.SIGSTOP)
@@ -191,7 +199,7 @@ def test_a_killed_supervisor_takes_everything_with_it(tmp_path):
     flight.process.communicate()
     deadline = time.monotonic() + EVENT_S
     while any(is_running(pid) for pid in pids) and time.monotonic() < deadline:
-        os.sched_yield()
+        wait_a_moment()
     assert not any(is_running(pid) for pid in pids)
 
 
@@ -242,6 +250,5 @@ def test_an_agent_reaches_nothing_but_its_own_keys(tmp_path):
 
 
 def assert_recording_is_whole(run_dir):
-    call = [sys.executable, "-m", "rerun", "rrd", "verify", str(run_dir / "recording.rrd")]
-    verified = subprocess.run(call, capture_output=True, text=True, check=False)
+    verified = run_rerun(["rrd", "verify", run_dir / "recording.rrd"], timeout_s=EVENT_S)
     assert verified.returncode == 0, verified.stderr

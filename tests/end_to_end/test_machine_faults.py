@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from deadlines import PROCESS_S
 from mounts import mounted
-from real_runs import AGENTS, COMMAND, TINY_ROOM, fly_command, start, with_agent
+from real_runs import AGENTS, COMMAND, TINY_ROOM, UNRECORDED, fly, fly_command, start, with_agent
 
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 
@@ -44,7 +44,7 @@ def compiled(tmp_path_factory):
     """The room and its kernels are in the cache: what a machine refuses here, it refuses to a run, and not to them."""
     for processes in ("separate", "one"):
         folder = tmp_path_factory.mktemp("compiled")
-        assert fly_command(TINY_ROOM, folder, "--processes", processes, is_recorded=True).exit_code == 0
+        assert fly(TINY_ROOM, folder, "--processes", processes, is_recorded=True).exit_code == 0
 
 
 @BOTH
@@ -74,7 +74,7 @@ def test_a_recorder_that_cannot_write_from_the_start_is_reported_at_once(tmp_pat
 def test_a_disk_that_fills_in_a_run_is_reported_in_the_result_on_that_disk(tmp_path, processes):
     """Room for the result was kept."""
     with mounted(tmp_path / "small", "size=300k") as runs_dir:
-        ended = fly_command(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
+        ended = fly(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
         assert ended.exit_code == 3
         [fault] = saved_result(ended)["faults"]
     assert fault["participant"] == "recorder"
@@ -85,7 +85,7 @@ def test_a_disk_that_fills_in_a_run_is_reported_in_the_result_on_that_disk(tmp_p
 @BOTH
 def test_a_full_disk_is_reported_before_anything_starts(tmp_path, processes):
     with mounted(tmp_path / "full", "size=4k") as runs_dir:
-        ended = fly_command(TINY_ROOM, runs_dir, "--processes", processes)
+        ended = fly(TINY_ROOM, runs_dir, "--processes", processes)
     assert ended.exit_code == 3
     assert "was no space left on device. Free room there" in ended.errors
     assert "Traceback" not in ended.errors
@@ -104,11 +104,10 @@ def test_a_runs_directory_that_cannot_be_made_is_reported(tmp_path, reason):
             place.symlink_to(tmp_path / "nowhere" / "at all")
         else:
             place = tmp_path.__class__("/proc/runs")
-        call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(place)]
-        ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
-    assert ended.returncode == 3
-    assert ended.stderr.startswith(f"runs directory: expected a folder that can be written, was {reason}")
-    assert "--runs-dir chooses another." in ended.stderr
+        ended = fly(TINY_ROOM, place)
+    assert ended.exit_code == 3
+    assert ended.errors.startswith(f"runs directory: expected a folder that can be written, was {reason}")
+    assert "--runs-dir chooses another." in ended.errors
 
 
 @pytest.mark.parametrize("options", ["ro", "size=20k"])
@@ -121,8 +120,7 @@ def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, optio
     assert "Traceback" not in ended.errors
 
 
-@pytest.mark.parametrize("size", ["4k", "40k"])
-@pytest.mark.parametrize("sandbox", ["landlock", "bubblewrap"])
+@pytest.mark.parametrize(("sandbox", "size"), [("landlock", "4k"), ("landlock", "40k"), ("bubblewrap", "4k")])
 def test_a_full_temporary_directory_is_reported_where_it_is_needed(tmp_path, monkeypatch, sandbox, size):
     """A file of the cache was named, on a disk with room; bubblewrap has a private folder in memory."""
     if reason := unavailable_reason(sandbox):
@@ -146,7 +144,7 @@ def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
     folder.mkdir()
     scenario = folder / "scenario.yaml"
     shutil.copy(TINY_ROOM, scenario)
-    ended = fly_command(scenario, folder / "runs", is_recorded=True)
+    ended = fly(scenario, folder / "runs", is_recorded=True)
     assert ended.exit_code == 0, ended.errors
     assert ended.run_dir is not None
     call = [*COMMAND, "extract", str(ended.run_dir), "--to", "csv", "--out", str(tmp_path / "out")]
@@ -199,7 +197,7 @@ def test_too_few_open_files_are_reported_as_such(tmp_path, n_files):
 
 def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
     runs_dir = tmp_path / "runs"
-    ended = fly_command(TINY_ROOM, runs_dir, *SHORT, *start_option("taking_away", runs_dir), *UNCONFINED)
+    ended = fly(TINY_ROOM, runs_dir, *SHORT, *start_option("taking_away", runs_dir), *UNCONFINED)
     assert ended.exit_code == 3
     assert "inputs.log: expected the run's folder, was gone. Something has taken it away" in ended.errors
     assert ended.result["faults"][0]["participant"] == "supervisor"
@@ -209,9 +207,7 @@ def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
 def test_results_are_not_written_through_links(tmp_path):
     foreign = tmp_path / "foreign"
     foreign.write_text("kept")
-    ended = fly_command(
-        TINY_ROOM, tmp_path / "runs", *SHORT, *start_option("linking", tmp_path / "runs", foreign), *UNCONFINED
-    )
+    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *start_option("linking", tmp_path / "runs", foreign), *UNCONFINED)
     assert ended.exit_code == 1, ended.errors
     assert foreign.read_text() == "kept"
     assert saved_result(ended)["valid"] is True
@@ -220,7 +216,7 @@ def test_results_are_not_written_through_links(tmp_path):
 
 @pytest.mark.parametrize("end", ["> /dev/full", ">&-"])
 def test_a_run_whose_result_cannot_be_shown_has_it_in_its_folder(tmp_path, end):
-    call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(tmp_path), "--set", "recording.enabled=false"]
+    call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(tmp_path), *UNRECORDED, "--in-process"]
     ended = subprocess.run(["sh", "-c", f'"$@" {end}', "sh", *call], capture_output=True, text=True, check=False)
     assert ended.returncode == 3
     assert "standard output: expected to take the result" in ended.stderr
