@@ -20,6 +20,8 @@ from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, read_json, va
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
 _EMPTY_LINK = bytes(LINK_BYTES)
+# A run of a million ticks has some 500 MB.
+_MAX_BYTES = 8_000_000_000
 
 
 class HashChainFields(TypedDict):
@@ -27,10 +29,6 @@ class HashChainFields(TypedDict):
 
     ticks: list[int]
     links: str
-
-
-# A run of a million ticks has some 500 MB.
-_MAX_BYTES = 8_000_000_000
 
 
 class _PortTrail(HashChainFields):

@@ -171,8 +171,8 @@ class InProcessRun(LoopHost, StepListener):
     def _look(self) -> list[ParticipantStatus]:
         return [*(stepper.look() for stepper in self._loop.steppers), *self._sessions.look()]
 
+    @override
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
-        """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
         del stepper
         for sent in outputs:
             message = sent.message

@@ -39,6 +39,27 @@ from gslcosim.runtime.setup import RunSetup
 # These texts come from another host and are printed here.
 _Word = Annotated[str, StringConstraints(pattern=r"^[ -~]{0,200}$")]
 _COMPARED_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh")
+OFFER_KEY = "rpc/run/offer"
+CHUNK_KEY = "rpc/run/piece"
+CHUNK_BYTES = 1 << 18
+# Upper bounds for the files of a room, and for its header, which is text [bytes].
+MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
+MAX_SCENARIO_CHARACTERS = 1 << 24
+_MAX_ENVIRONMENTS = 10_000
+# Becomes part of a path on this host: it cannot lead out of its folder, and is no hidden file.
+RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")]
+ContentHash = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16,128}$")]
+RoomNumber = Annotated[int, Field(ge=0, le=_MAX_ENVIRONMENTS)]
+Offset = Annotated[int, Field(ge=0, le=MAX_ROOM_BYTES)]
+ANSWER_TIMEOUT_S = 15.0
+# An answer that has not come by then is requested again, as often as `ANSWER_TIMEOUT_S` allows.
+RETRY_AFTER_S = 5.0
+# Chunks in transit at once: enough for a link with 200 ms latency, and few for a slow one.
+MAX_PENDING_CHUNKS = 16
+MAX_OFFER_BYTES = 5 * MAX_SCENARIO_CHARACTERS
+# Answers without a request are not kept.
+_MAX_QUEUED_ANSWERS = 64
+ProgressHandler = Callable[[str], None]
 
 
 class SoftwareVersions(BaseModel):
@@ -99,16 +120,6 @@ class SoftwareVersions(BaseModel):
         return ""
 
 
-OFFER_KEY = "rpc/run/offer"
-CHUNK_KEY = "rpc/run/piece"
-CHUNK_BYTES = 1 << 18
-
-# Upper bounds for the files of a room, and for its header, which is text [bytes].
-MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
-MAX_SCENARIO_CHARACTERS = 1 << 24
-_MAX_ENVIRONMENTS = 10_000
-
-
 def _check_folder(text: str) -> str:
     if "\0" in text or not text.startswith("/") or posixpath.normpath(text) != text:
         raise ValueError("an absolute path without . and ..")
@@ -121,12 +132,7 @@ def _check_sizes(files: dict[str, int]) -> dict[str, int]:
     return files
 
 
-# Becomes part of a path on this host: it cannot lead out of its folder, and is no hidden file.
-RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")]
-ContentHash = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16,128}$")]
 FolderPath = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_check_folder)]
-RoomNumber = Annotated[int, Field(ge=0, le=_MAX_ENVIRONMENTS)]
-Offset = Annotated[int, Field(ge=0, le=MAX_ROOM_BYTES)]
 
 
 class OfferedEnvironment(protocol.ControlMessage):
@@ -232,18 +238,6 @@ class RunServer:
         with (Path(room.environment_dir) / request.file).open("rb") as file:
             file.seek(request.offset)
             return [file.read(CHUNK_BYTES)]
-
-
-ANSWER_TIMEOUT_S = 15.0
-# An answer that has not come by then is requested again, as often as `ANSWER_TIMEOUT_S` allows.
-RETRY_AFTER_S = 5.0
-# Chunks in transit at once: enough for a link with 200 ms latency, and few for a slow one.
-MAX_PENDING_CHUNKS = 16
-MAX_OFFER_BYTES = 5 * MAX_SCENARIO_CHARACTERS
-# Answers without a request are not kept.
-_MAX_QUEUED_ANSWERS = 64
-
-ProgressHandler = Callable[[str], None]
 
 
 def fetch_offer(bus: Bus) -> RunOffer:

@@ -52,6 +52,21 @@ LOCK_FILE = Path(__file__).resolve().parents[2] / "requirements.lock"
 _INSTALLERS = ("pip", "setuptools", "wheel")
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;]+)", re.MULTILINE)
 _INSTALLED = re.compile(r"^([A-Za-z0-9._]+)-([^-]+)\.dist-info$")
+NAME = "machine.log"
+_MAX_BYTES = 1_000_000_000
+# Space kept free for the result: if the disk fills up during the run, the result can still be written.
+RESERVE_FILE = ".reserve"
+INPUTS_FILE = "inputs.log"
+# Files that are read back after the end of a run.
+_CHECKED_FILES = (
+    "scenario.yaml", "setup.json", "manifest.json", "digest.json", INPUTS_FILE, "result.json", "recording.rrd",
+)  # fmt: skip
+RESERVE_BYTES = 32 * 1024
+# Packages that compute a run, and those that carry its messages and record it.
+MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
+# `result.json` has a few kB for each agent; a scenario as resolved has all defaults.
+_MAX_SCENARIO_BYTES = 20_000_000
+PathText = Annotated[str, msgspec.Meta(pattern="^[^\\x00]+$", max_length=4000)]
 
 
 def installed_versions() -> dict[str, str]:
@@ -98,12 +113,6 @@ def compare_with_lock(versions: Mapping[str, str], file: Path = LOCK_FILE) -> di
 
 def _normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
-
-
-NAME = "machine.log"
-
-
-_MAX_BYTES = 1_000_000_000
 
 
 class _Note(TypedDict, total=False):
@@ -191,23 +200,6 @@ def read_machine_notes(folder: Path) -> MachineNotes:
             else:
                 sandboxes |= note.get("sandboxes", {})
     return MachineNotes(decisions_ms=decisions, faults=sorted(faults), sandboxes=sandboxes)
-
-
-# Space kept free for the result: if the disk fills up during the run, the result can still be written.
-RESERVE_FILE = ".reserve"
-INPUTS_FILE = "inputs.log"
-# Files that are read back after the end of a run.
-_CHECKED_FILES = (
-    "scenario.yaml", "setup.json", "manifest.json", "digest.json", INPUTS_FILE, "result.json", "recording.rrd",
-)  # fmt: skip
-RESERVE_BYTES = 32 * 1024
-# Packages that compute a run, and those that carry its messages and record it.
-MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
-
-
-# `result.json` has a few kB for each agent; a scenario as resolved has all defaults.
-_MAX_SCENARIO_BYTES = 20_000_000
-PathText = Annotated[str, msgspec.Meta(pattern="^[^\\x00]+$", max_length=4000)]
 
 
 class ForkOrigin(TypedDict):

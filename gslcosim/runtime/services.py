@@ -33,6 +33,8 @@ from gslcosim.scenario.models.participants import ParticipantProgramSpec, Servic
 from gslcosim.scenario.models.scenario import AgentSpec, Processes
 
 ServiceGroup = tuple[str, ...]
+# Services of this distribution and of extensions; a block of the same name in a scenario's `services` replaces one.
+DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 
 def group_services(processes: Processes, services: Sequence[str]) -> tuple[ServiceGroup, ...]:
@@ -96,10 +98,6 @@ class ServiceKind:
     build_briefings: Callable[[RunSetup], Mapping[str, Briefing]] | None = None
     repair: Callable[[Path], None] | None = None
     check_host: Callable[[RunSetup], None] | None = None
-
-
-# Services of this distribution and of extensions; a block of the same name in a scenario's `services` replaces one.
-DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 
 @cache

@@ -28,6 +28,23 @@ from gslcosim.scenario.models.scenario import Processes
 STATUS_PERIOD_S = 0.1
 # Participants that have not joined by then are named in a log, too; a stopped one may still join.
 LATE_AFTER_S = 4.0
+SOCKET_SUFFIX = ".flight"
+# A run without progress for this long gets an explanation.
+STALL_SHOWN_AFTER_S = 3.0
+_SEND_TIMEOUT_S = 1.0
+_BACKLOG = 16
+QUERY_TIMEOUT_S = 2.0
+STOP_TIMEOUT_S = 20.0
+_POLL_PERIOD_S = 0.05
+# The status on a socket takes a few hundred bytes for each participant.
+_MAX_STATUS_BYTES = 4_000_000
+# Facts of a run whose process does not answer.
+_UNKNOWN_FACTS: dict[str, Any] = {
+    **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
+    **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
+    "state": "silent",
+    "participants": [],
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,13 +110,6 @@ class StatusReporter:
         if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
             self._reported_at_s, self._reported_state = now_s, status.state
             self._report(replace(status, participants=self._participants))
-
-
-SOCKET_SUFFIX = ".flight"
-# A run without progress for this long gets an explanation.
-STALL_SHOWN_AFTER_S = 3.0
-_SEND_TIMEOUT_S = 1.0
-_BACKLOG = 16
 
 
 def get_status_folder() -> Path:
@@ -231,14 +241,6 @@ def _remove_stale(folder: Path) -> None:
                 window.unlink()
 
 
-QUERY_TIMEOUT_S = 2.0
-STOP_TIMEOUT_S = 20.0
-_POLL_PERIOD_S = 0.05
-
-# The status on a socket takes a few hundred bytes for each participant.
-_MAX_STATUS_BYTES = 4_000_000
-
-
 class _ParticipantFacts(TypedDict):
     name: str
     state: str
@@ -264,15 +266,6 @@ class _RunFacts(TypedDict):
     real_time_factor: float
     participants: list[_ParticipantFacts]
     stall: NotRequired[str]
-
-
-# Facts of a run whose process does not answer.
-_UNKNOWN_FACTS: dict[str, Any] = {
-    **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "text"), ""),
-    **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 0.0),
-    "state": "silent",
-    "participants": [],
-}
 
 
 @dataclass(frozen=True)

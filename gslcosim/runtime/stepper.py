@@ -38,6 +38,10 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
 
 NO_TICK_LIMIT = 2**62
+# The participant that all others wait for: holding it back holds the run.
+PACED_PARTICIPANT = "world"
+# A longer delay is not made up for: a spectator could not follow.
+MAX_CAUGHT_UP_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -362,12 +366,6 @@ class Stepper:
                     f"{self.spec.name}.{method} at tick {tick}: expected a {expected_type} of this tick on {port}, "
                     f"was a {type(message).__name__} of tick {message.tick}."
                 )
-
-
-# The participant that all others wait for: holding it back holds the run.
-PACED_PARTICIPANT = "world"
-# A longer delay is not made up for: a spectator could not follow.
-MAX_CAUGHT_UP_S = 1.0
 
 
 class ClockPace:

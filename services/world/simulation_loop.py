@@ -40,6 +40,7 @@ from gslcosim_services.world.rover_control import step_rover_inplace
 _MAX_POSITION_M = 1e5
 _MAX_SPEED_M_S = 200.0
 _MAX_RATE_RAD_S = 500.0
+_mj_step = types.ExternalFunction("mujoco_mj_step", types.void(types.intp, types.intp))
 
 
 def _find_step_address() -> int:
@@ -54,7 +55,6 @@ def _find_step_address() -> int:
 
 # Called by its name, since code from the cache of kernels runs in processes where the address is another.
 binding.add_symbol("mujoco_mj_step", _find_step_address())
-_mj_step = types.ExternalFunction("mujoco_mj_step", types.void(types.intp, types.intp))
 
 
 @numba.njit(cache=True, nogil=True)

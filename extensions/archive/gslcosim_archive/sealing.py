@@ -24,6 +24,8 @@ from gslcosim_bench.studies.target import collect_bundled_seeds, collect_seeds
 SCHEMA = "gslcosim/seal/1"
 _SEED_BITS, _NONCE_BYTES = 63, 16
 _MAX_DRAWS = 100
+# Entries and what is recorded of them belong to those who take part.
+_NO_RECIPE = {"seed", "sealed", "include", "entries", "anchors", "record", "limits", "sandbox", "title", "question"}
 
 
 class _CommitmentFile(TypedDict):
@@ -97,10 +99,6 @@ def hash_recipe(loaded: LoadedSuite, *, has_editor_lines: bool = False) -> str:
     for part in _list_recipe(loaded, has_editor_lines=has_editor_lines):
         digest.update(len(part).to_bytes(8, "big") + part)
     return digest.hexdigest()
-
-
-# Entries and what is recorded of them belong to those who take part.
-_NO_RECIPE = {"seed", "sealed", "include", "entries", "anchors", "record", "limits", "sandbox", "title", "question"}
 
 
 def _list_recipe(loaded: LoadedSuite, *, has_editor_lines: bool) -> Iterator[bytes]:

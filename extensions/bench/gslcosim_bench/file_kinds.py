@@ -5,6 +5,19 @@ import json
 from gslcosim.base.bundled import SUITE_FILE, bundled_suites
 from gslcosim.scenario.checks.registry import Check, FileKind, ValidFile
 
+SUITE = FileKind(
+    name="suite",
+    words="suite",
+    ending=SUITE_FILE,
+    list_bundled=bundled_suites,
+    validator="gslcosim_bench.file_kinds:validate_suite",
+    has_seed=True,
+    checks=(
+        Check(name="scenarios", of="suite", finder="gslcosim_bench.cases.suite_checks:find_scenario_problems"),
+        Check(name="entries", of="suite", finder="gslcosim_bench.cases.suite_checks:find_entry_problems"),
+    ),
+)
+
 
 def validate_suite(path: str, seed: int | None) -> ValidFile:
     """Return the outcome of the check of a suite for `gslcosim validate`."""
@@ -19,17 +32,3 @@ def validate_suite(path: str, seed: int | None) -> ValidFile:
         sentence=f"Suite {loaded.suite.name}: {len(plan.cases)} cases, {len(plan.trials)} trials, entries: {names}.",
         content={"suite": json.loads(loaded.suite.model_dump_json(by_alias=True, exclude_none=True))},
     )
-
-
-SUITE = FileKind(
-    name="suite",
-    words="suite",
-    ending=SUITE_FILE,
-    list_bundled=bundled_suites,
-    validator="gslcosim_bench.file_kinds:validate_suite",
-    has_seed=True,
-    checks=(
-        Check(name="scenarios", of="suite", finder="gslcosim_bench.cases.suite_checks:find_scenario_problems"),
-        Check(name="entries", of="suite", finder="gslcosim_bench.cases.suite_checks:find_entry_problems"),
-    ),
-)

@@ -34,6 +34,30 @@ from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, read_j
 
 WALL = "wall_"
 SANDBOX = "sandbox"
+_TEXT, _WHOLE, _REAL, _FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
+REQUIRED_COLUMNS = (
+    "trial", "case", "scenario", "family", "varied", "repetition", "entry", "is_control", "seed", "gas_seed",
+    "n_robots", "environment_hash", "time_limit_s", "status", "outcome", "success", "time_s", "score",
+)  # fmt: skip
+"""Those that have a value in each row, of trials without a result too."""
+_SERIES = pa.list_(pa.float32())
+Tracks = dict[str, dict[str, NDArray[np.float32]]]
+"""For each agent its series by the names of `TRACK_COLUMNS`, all of one length."""
+_msgpack: Any = msgpack
+_FLY_AGAIN = "Delete the line: its trial is flown again by the same bench run."
+_PYTHON_TYPES: dict[pa.DataType, Any] = {pa.string(): str, pa.int64(): int, pa.float64(): float, pa.bool_(): bool}
+_typed_dict: Any = TypedDict
+# Maps of hundreds of rooms.
+_MAX_BYTES = 1_000_000_000
+# Of a Parquet file, at once.
+_READ_BYTES = 1 << 20
+# Values of a table: of trials a quarter of a million rows, of tracks days. Equal ones take next to nothing in a file.
+_MAX_TRIAL_VALUES, _MAX_TRACK_VALUES = 30_000_000, 500_000_000
+RESULTS_SCHEMA = "gslcosim/results/1"
+MAPS_SCHEMA = "gslcosim/maps/1"
+SHARD_SCHEMA = "gslcosim/shard/1"
+# A sandbox hides copies of it, as those of all results.
+AGENT_SECRETS_SCHEMA = "gslcosim/results/agent_secrets/1"
 
 
 @dataclass(frozen=True)
@@ -50,8 +74,6 @@ class Column:
         found = re.search(r"\[([^\]]+)\]", self.meaning)
         return found[1] if found else None
 
-
-_TEXT, _WHOLE, _REAL, _FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 
 TRIAL_COLUMNS = (
     # Which run.
@@ -144,13 +166,6 @@ TRIAL_COLUMNS = (
     Column(SANDBOX, _TEXT, "what agents were started in: bubblewrap, landlock with its version, none and why"),
 )
 
-REQUIRED_COLUMNS = (
-    "trial", "case", "scenario", "family", "varied", "repetition", "entry", "is_control", "seed", "gas_seed",
-    "n_robots", "environment_hash", "time_limit_s", "status", "outcome", "success", "time_s", "score",
-)  # fmt: skip
-"""Those that have a value in each row, of trials without a result too."""
-
-_SERIES = pa.list_(pa.float32())
 
 TRACK_COLUMNS = (
     Column("trial", _TEXT, "id of the trial"),
@@ -186,11 +201,7 @@ def is_machine_dependent(column: str) -> bool:
     return column.startswith(WALL) or column == SANDBOX
 
 
-Tracks = dict[str, dict[str, NDArray[np.float32]]]
-"""For each agent its series by the names of `TRACK_COLUMNS`, all of one length."""
-
 SERIES = tuple(column.name for column in TRACK_COLUMNS if column.name not in ("trial", "agent"))
-_msgpack: Any = msgpack
 
 
 def pack_tracks(tracks: Tracks) -> bytes:
@@ -219,10 +230,7 @@ class JournalEntry:
     tracks: bytes | None
 
 
-_FLY_AGAIN = "Delete the line: its trial is flown again by the same bench run."
-_PYTHON_TYPES: dict[pa.DataType, Any] = {pa.string(): str, pa.int64(): int, pa.float64(): float, pa.bool_(): bool}
 _EMPTY_ROW: dict[str, Any] = dict.fromkeys((column.name for column in TRIAL_COLUMNS), None)
-_typed_dict: Any = TypedDict
 _TrialRow = _typed_dict(
     "_TrialRow",
     {
@@ -319,18 +327,6 @@ def write_error(path: Path, error: OSError) -> MachineError:
 
 if sys.platform != "win32":
     import fcntl
-
-# Maps of hundreds of rooms.
-_MAX_BYTES = 1_000_000_000
-# Of a Parquet file, at once.
-_READ_BYTES = 1 << 20
-# Values of a table: of trials a quarter of a million rows, of tracks days. Equal ones take next to nothing in a file.
-_MAX_TRIAL_VALUES, _MAX_TRACK_VALUES = 30_000_000, 500_000_000
-RESULTS_SCHEMA = "gslcosim/results/1"
-MAPS_SCHEMA = "gslcosim/maps/1"
-SHARD_SCHEMA = "gslcosim/shard/1"
-# A sandbox hides copies of it, as those of all results.
-AGENT_SECRETS_SCHEMA = "gslcosim/results/agent_secrets/1"
 
 
 class ManifestEntry(TypedDict, total=False):

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from typing_extensions import override
+
 from gslcosim.base.processes import describe_exit
 from gslcosim_conformance.check import Check, find_difference, relabel_failure
 from gslcosim_conformance.rules import RULES, CheckReport, Failure, Rule
@@ -262,19 +264,19 @@ class AgentCheck(Check[AgentTranscript]):
     rules = RULES
     random_note = "answered rightly; whether as before cannot be told while determinism fails"
 
+    @override
     def play_script(self, script: SessionScript) -> AgentTranscript:
-        """Return what happened in a flight; see `Check`."""
         played = ScriptedSession(open_transport(self.connection), script, self.limits, self.connection.needs()).play()
         if played.joins_by_start and played.arrivals:
             self.start_s = max(self.start_s, played.arrivals[0].at_s)
         return played
 
+    @override
     def find_session_failures(self, transcript: AgentTranscript) -> dict[str, Failure]:
-        """Return the rules broken in a flight; see `Check`."""
         return find_session_failures(transcript, self.limits)
 
+    @override
     def find_ending_failures(self, transcript: AgentTranscript, rule: str | None = None) -> dict[str, Failure]:
-        """Return the rules broken after the end; see `Check`."""
         ends = find_ending_failures(transcript, self.limits)
         if rule is None:
             return ends
@@ -282,22 +284,22 @@ class AgentCheck(Check[AgentTranscript]):
             ends.pop("exit-code", None)  # how it calls a run that has vanished is its own affair
         return relabel_failure(rule, ends)
 
+    @override
     def find_variation_failures(self, rule: Rule, transcript: AgentTranscript) -> dict[str, Failure]:
-        """Return how an agent that is asked again breaks the rule `repeats`; see `Check`."""
         if rule.variation != "repeats":
             return {}
         return find_repeat_failures(transcript, may_answer_more="once" in self.failures)
 
+    @override
     def note_pace(self, first: AgentTranscript) -> None:
-        """Note when it joined and how long it decided; see `Check`."""
         slowest_s = get_slowest_answer_s(first)
         if slowest_s is not None:
             self.notes["deadline"] = f"slowest {1e3 * slowest_s:.1f} ms of {self.limits.answer_s:g} s"
         if first.joined_at_s is not None:
             self.notes["joins"] = f"after {first.joined_at_s:.1f} s"
 
+    @override
     def remark_on_other_seed(self, first: AgentTranscript, other: AgentTranscript) -> None:
-        """Remark on whether its commands depend on its seed; see `Check`."""
         is_same = not find_difference("", first, other, sent="")
         self.remarks.append(
             f"With another seed it sends {'the same' if is_same else 'other'} commands; both is allowed."

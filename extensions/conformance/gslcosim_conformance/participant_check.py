@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from typing_extensions import override
+
 from gslcosim.base.processes import describe_exit
 from gslcosim.contract.messages import ParameterValue
 from gslcosim_conformance.check import Check
@@ -35,21 +37,21 @@ class ParticipantCheck(Check[ParticipantTranscript]):
 
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
 
+    @override
     def play_script(self, script: SessionScript) -> ParticipantTranscript:
-        """Return what happened in a session; see `Check`."""
         played = ParticipantSession(self.connection, script, self.limits, self.parameters).play()
         if left := ", ".join(played.leftover_processes):
             failure = played.build_failure("leaves-nothing", sent="Ending", expected="no process left", got=left)
             self.failures.setdefault(failure.rule, failure)
         return played
 
+    @override
     def find_session_failures(self, transcript: ParticipantTranscript) -> dict[str, Failure]:
-        """Return the first rule broken in a session, with which it ended; see `Check`."""
         failure = transcript.failure
         return {} if failure is None else {failure.rule: failure}
 
+    @override
     def find_ending_failures(self, transcript: ParticipantTranscript, rule: str | None = None) -> dict[str, Failure]:
-        """Return the rule broken after the end; see `Check`."""
         if transcript.end_sent_at_s is None:
             return {}
         is_lost, code = transcript.script.variation == "lost link", transcript.exit_code
@@ -62,13 +64,13 @@ class ParticipantCheck(Check[ParticipantTranscript]):
         sent = "the end of its stream" if is_lost else "Ending"
         return {rule: transcript.build_failure(rule, sent=sent, expected=expected, got=got)}
 
+    @override
     def note_pace(self, first: ParticipantTranscript) -> None:
-        """Note when it said hello and how long it computed; see `Check`."""
         self.notes["hello"] = f"after {first.hello_at_s or 0.0:.1f} s"
         self.notes["answers"] = f"slowest {1e3 * first.slowest_s:.1f} ms of {self.limits.answer_s:g} s"
 
+    @override
     def remark_on_first(self, first: ParticipantTranscript) -> None:
-        """Remark on its ports; see `Check`."""
         if first.hello is not None:
             reads, writes = (", ".join(words) or "nothing" for words in (first.hello.reads, first.hello.writes))
             self.remarks.append(f"It reads {reads} and writes {writes}.")

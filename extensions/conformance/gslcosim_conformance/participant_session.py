@@ -5,6 +5,8 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+from typing_extensions import override
+
 from gslcosim.base.errors import ContractError
 from gslcosim.base.processes import describe_exit
 from gslcosim.contract import codec
@@ -46,20 +48,20 @@ class ParticipantTranscript(Transcript):
     slowest_s: float = 0.0
 
     @property
+    @override
     def title(self) -> str:
-        """The session in words; see `Transcript`."""
         return f"the {self.script.name} session"
 
+    @override
     def answers(self) -> dict[int, Mapping[str, Message]]:
-        """Return the outputs by tick, each by its word; see `Transcript`."""
         return self.outputs
 
+    @override
     def describe_question(self, tick: int) -> str:
-        """Return inputs in words; see `Transcript`."""
         return f"ParticipantInputs, tick {tick}"
 
+    @override
     def format_answer(self, tick: int) -> str:
-        """Return outputs in words; see `Transcript`."""
         text = ", ".join(f"{word}: {output}" for word, output in self.outputs.get(tick, {}).items())
         return text if len(text) <= 200 else f"{text[:197]}..."
 

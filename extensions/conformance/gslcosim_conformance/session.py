@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
+from typing_extensions import override
 
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Command, Ending, Message
@@ -87,20 +88,20 @@ class AgentTranscript(Transcript):
     is_abandoned: bool = False
 
     @property
+    @override
     def title(self) -> str:
-        """The session in words; see `Transcript`."""
         return f"the flight '{self.script.name}'"
 
     def answers(self) -> dict[int, Command]:
         """Return the commands by tick; what one says of its contract does not count."""
         return {tick: command.model_copy(update={"contract": None}) for tick, command in self.commands().items()}
 
+    @override
     def describe_question(self, tick: int) -> str:
-        """Return an observation that wants an answer, in words; see `Transcript`."""
         return f"Observation, tick {tick}, awaiting_command true"
 
+    @override
     def format_answer(self, tick: int) -> str:
-        """Return a command in words; see `Transcript`."""
         command = self.commands().get(tick)
         return f"Command {format_command(command)}" if command else "nothing"
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
+from typing_extensions import override
+
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import AGENT_VARIABLE, JoinData
@@ -319,8 +321,8 @@ class ZenohCheckTransport(CheckedProcess, CheckTransport):
         self._sent: dict[str, bytes] = {}
         self._question: bytes | None = None
 
+    @override
     def start(self) -> None:
-        """Open the router and start the agent; see `CheckTransport`."""
         router = self._router = AuditRouter.open(endpoint=self._endpoint, agent=self._user, secrets_dir=self.folder)
         for key in (*(key(AGENT) for key in _KEYS_BY_MESSAGE.values()), _QUESTION, *_FORBIDDEN_KEYS):
             router.offer(_to_absolute_key(key))
@@ -356,8 +358,8 @@ class ZenohCheckTransport(CheckedProcess, CheckTransport):
         self._question = payload if observation.awaiting_command else None
         self._ask_again()
 
+    @override
     def repeat(self) -> None:
-        """Publish briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
             self._publish(message_type, self._sent[message_type.__name__])
         self._ask_again()
@@ -366,20 +368,20 @@ class ZenohCheckTransport(CheckedProcess, CheckTransport):
         """Publish the end; see `AgentTransport`."""
         self._publish(type(ending), payload)
 
+    @override
     def unsubscribed_keys(self) -> tuple[str, ...]:
-        """Return which of its own keys the agent did not listen to when it joined; see `CheckTransport`."""
         return self._unheard
 
+    @override
     def foreign_subscriptions(self) -> tuple[str, ...]:
-        """Return which keys of others the agent listens to; see `CheckTransport`."""
         return tuple(key for key in _FORBIDDEN_KEYS if self._opened().is_read(_to_absolute_key(key)))
 
+    @override
     def cut(self) -> None:
-        """Close the router; see `CheckTransport`."""
         self._opened().close()
 
+    @override
     def stop(self) -> str:
-        """End the process, then the router; see `CheckTransport`."""
         last_words = self.end_process()
         if self._router is not None:
             self._router.close()
@@ -434,8 +436,8 @@ class GatewayCheckTransport(CheckedProcess, CheckTransport):
         self._link = ThreadedConnection(connection.format, self._on_event)
         self._sent: dict[str, bytes] = {}
 
+    @override
     def start(self) -> None:
-        """Start the agent, and listen for it where it connects; see `CheckTransport`."""
         self.start_behind_gateway(AGENT, {AGENT_VARIABLE: AGENT}, self._open, self._on_refused_connection)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
@@ -447,8 +449,8 @@ class GatewayCheckTransport(CheckedProcess, CheckTransport):
         if self.connection.observations == "all" or observation.awaiting_command:
             self._send(Observation, payload)
 
+    @override
     def repeat(self) -> None:
-        """Send briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
             self._send(message_type, self._sent[message_type.__name__])
 
@@ -461,12 +463,12 @@ class GatewayCheckTransport(CheckedProcess, CheckTransport):
         del event
         self._link.acknowledge()
 
+    @override
     def cut(self) -> None:
-        """End the stream; see `CheckTransport`."""
         self._link.end()
 
+    @override
     def stop(self) -> str:
-        """End the link and the process; see `CheckTransport`."""
         self._link.end()
         return self.end_process()
 

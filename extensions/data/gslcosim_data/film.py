@@ -27,6 +27,31 @@ from gslcosim_services.recorder.colors import GasScale, Rgb, agent_color
 from gslcosim_services.recorder.stream_table import DISTANCE, MIXING_RATIO, RESPONSE
 
 FRAMES_PER_S = 25
+# Where the eye is: so far behind and so far above the vehicle, and so far from walls [m].
+BEHIND_M, ABOVE_M, WALL_M = 2.2, 0.9, 0.25
+# How fast it turns with the vehicle's way: the share of the turn that is left after a second of film.
+_LAG_PER_S = 0.35
+_LEAST_MOVE_M = 0.004
+# Gas is drawn on a picture of this share of the size, and no nearer than this.
+_COARSE = 6
+_NEAR_M = 0.3
+_OPACITY = 0.35
+_MARGIN_PX = 12
+_N_ARROWS = 14
+_DOT_PX = 5
+_OPENING_PX = 4
+_LABEL_PX = 150
+_STRIP_MARGIN_PX = 10
+# Of the words beside the curves, where there is room for it.
+_TEXT_PX = 13
+_STRIP_SHARE = 0.2
+_TITLE_PX = 22
+REMEDY = "pip install 'gslcosim-data[film]'"
+FORMATS = (".mp4", ".gif", ".webp")
+# Quality and effort of H.264; yuv420p is what every player shows.
+_H264 = {"crf": "22", "preset": "veryfast"}
+_COLOURS = 96
+Frames = Iterable[NDArray[np.uint8]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,17 +94,6 @@ def interpolate_pose(track: RecordedTrack, time_s: float) -> tuple[Vec3, Quatern
     x_m, y_m, z_m = place_m.tolist()
     w, x, y, z = turn.tolist()
     return (x_m, y_m, z_m), (w, x, y, z)
-
-
-# Where the eye is: so far behind and so far above the vehicle, and so far from walls [m].
-BEHIND_M, ABOVE_M, WALL_M = 2.2, 0.9, 0.25
-# How fast it turns with the vehicle's way: the share of the turn that is left after a second of film.
-_LAG_PER_S = 0.35
-_LEAST_MOVE_M = 0.004
-# Gas is drawn on a picture of this share of the size, and no nearer than this.
-_COARSE = 6
-_NEAR_M = 0.3
-_OPACITY = 0.35
 
 
 class ChasePanel:
@@ -182,12 +196,6 @@ def draw_text(draw: ImageDraw.ImageDraw, place: tuple[float, float], text: str, 
 @cache
 def _font(size_px: int) -> Any:
     return ImageFont.load_default(size_px)
-
-
-_MARGIN_PX = 12
-_N_ARROWS = 14
-_DOT_PX = 5
-_OPENING_PX = 4
 
 
 class PlanPanel:
@@ -300,12 +308,6 @@ def _draw_vehicle(draw: ImageDraw.ImageDraw, place: tuple[float, float], yaw_rad
     draw.line((place, nose), fill=(255, 255, 255), width=2)
 
 
-_LABEL_PX = 150
-_STRIP_MARGIN_PX = 10
-# Of the words beside the curves, where there is room for it.
-_TEXT_PX = 13
-
-
 class StripPanel:
     """Draws two curves over the time of the film, with a cursor; the curves of one agent.
 
@@ -380,10 +382,6 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-_STRIP_SHARE = 0.2
-_TITLE_PX = 22
-
-
 def render_frames(
     runs: Sequence[RunData],
     cut: FilmSegment,
@@ -453,15 +451,6 @@ def _tiles(runs: Sequence[RunData], cut: FilmSegment, size_px: tuple[int, int]) 
                 caption += f": {str(run.result['end_reason']).replace('_', ' ')}"
             draw_text(draw, (corner[0] + 8, corner[1] + 3), caption, colors.READING, 14)
         yield np.asarray(picture)
-
-
-REMEDY = "pip install 'gslcosim-data[film]'"
-FORMATS = (".mp4", ".gif", ".webp")
-# Quality and effort of H.264; yuv420p is what every player shows.
-_H264 = {"crf": "22", "preset": "veryfast"}
-_COLOURS = 96
-
-Frames = Iterable[NDArray[np.uint8]]
 
 
 def write_film(frames: Frames, path: Path, progress: Callable[[int], None] = lambda _: None) -> None:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from rerun.chunk import Chunk
 
 
+_Part = tuple[NDArray[np.int64], NDArray[np.int64], Any]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedColumn:
     """One component over time: the values of row i are `values[starts[i]:starts[i + 1]]`.
@@ -77,9 +80,6 @@ class RecordingReader:
             if component in batch.schema.names:
                 return batch.column(component).to_pylist()[0]
         return None
-
-
-_Part = tuple[NDArray[np.int64], NDArray[np.int64], Any]
 
 
 def _part(chunk: "Chunk", component: str) -> _Part | None:

@@ -37,6 +37,8 @@ from gslcosim_services.recorder.stream_table import (
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+# In recordings of older versions what an anemometer's curve does not draw is beside it, as bytes of this component.
+_BYTES_COMPONENT = "numbers"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -256,10 +258,6 @@ def column_name(words: str, unit: str) -> str:
     suffix = unit.lower().replace("^", "").replace("/", "_").replace(" ", "_")
     name = words.replace(" ", "_")
     return name if suffix in ("", "1") else f"{name}_{suffix}"
-
-
-# In recordings of older versions what an anemometer's curve does not draw is beside it, as bytes of this component.
-_BYTES_COMPONENT = "numbers"
 
 
 def read_track(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> RecordedTrack:

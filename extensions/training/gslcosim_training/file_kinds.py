@@ -6,6 +6,26 @@ from gslcosim.base.bundled import FAMILY_FILE, bundled_families, bundled_train_f
 from gslcosim.scenario.checks.registry import Check, FileKind, ValidFile, find_problems
 from gslcosim_bench.cases.spec_files import raise_located
 
+FAMILY = FileKind(
+    name="family",
+    words="family",
+    ending=FAMILY_FILE,
+    list_bundled=bundled_families,
+    validator="gslcosim_training.file_kinds:validate_family",
+    checks=(Check(name="first cases", of="family", finder="gslcosim_training.train_checks:find_case_problems"),),
+)
+TRAIN = FileKind(
+    name="train",
+    words="training",
+    ending=".train.yaml",
+    list_bundled=bundled_train_files,
+    validator="gslcosim_training.file_kinds:validate_train_file",
+    checks=(
+        Check(name="trainer", of="train", finder="gslcosim_training.train_checks:find_trainer_problems"),
+        Check(name="flights", of="train", finder="gslcosim_training.train_checks:find_flight_problems"),
+    ),
+)
+
 
 def validate_family(path: str, seed: int | None) -> ValidFile:
     """Return the outcome of the check of a family for `gslcosim validate`."""
@@ -35,24 +55,3 @@ def validate_train_file(path: str, seed: int | None) -> ValidFile:
         sentence=f"Training {file.spec.name} with {file.spec.trainer.kind} in the family {file.family.name}.",
         content={"train": json.loads(file.spec.model_dump_json(by_alias=True, exclude_none=True))},
     )
-
-
-FAMILY = FileKind(
-    name="family",
-    words="family",
-    ending=FAMILY_FILE,
-    list_bundled=bundled_families,
-    validator="gslcosim_training.file_kinds:validate_family",
-    checks=(Check(name="first cases", of="family", finder="gslcosim_training.train_checks:find_case_problems"),),
-)
-TRAIN = FileKind(
-    name="train",
-    words="training",
-    ending=".train.yaml",
-    list_bundled=bundled_train_files,
-    validator="gslcosim_training.file_kinds:validate_train_file",
-    checks=(
-        Check(name="trainer", of="train", finder="gslcosim_training.train_checks:find_trainer_problems"),
-        Check(name="flights", of="train", finder="gslcosim_training.train_checks:find_flight_problems"),
-    ),
-)

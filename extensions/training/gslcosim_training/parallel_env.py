@@ -21,6 +21,8 @@ from gslcosim_training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale,
 from gslcosim_training.stepped_run import LearningTask, SteppedRun
 
 _DECIMALS = 3
+_MOST_SEED = 2**31
+_Numbers = NDArray[np.float32]
 
 
 class RadioCodec:
@@ -88,9 +90,6 @@ try:
     from pettingzoo import ParallelEnv
 except ImportError as error:  # an extra
     raise UsageError(f"pettingzoo: expected the package, found none. Install it with: {REMEDY}") from error
-
-_MOST_SEED = 2**31
-_Numbers = NDArray[np.float32]
 
 
 class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):

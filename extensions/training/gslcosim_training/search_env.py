@@ -35,6 +35,7 @@ _AIR, _SOLID, _BELOW = (255, 255, 255), (120, 120, 125), (222, 222, 226)
 _INLET, _OUTLET = (76, 160, 255), (205, 130, 255)
 _PATH, _VEHICLE, _SOURCE = (0, 114, 178), (213, 94, 0), (0, 158, 115)
 _DOT_PX, _OPENING_PX = 6, 7
+_MOST_SEED = 2**31
 
 
 @dataclass
@@ -83,8 +84,6 @@ try:
     from gymnasium import spaces
 except ImportError as error:  # an extra
     raise UsageError(f"gymnasium: expected the package, found none. Install it with: {REMEDY}") from error
-
-_MOST_SEED = 2**31
 
 
 class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):

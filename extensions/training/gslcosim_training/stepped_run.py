@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typing_extensions import override
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import AgentScore, BodyPoses, Message, Observation, Score
@@ -134,8 +135,8 @@ class SteppedRun(Simulation):
         assert not self.asked, f"{', '.join(self.asked)} owe a command"
         self.advance(None)
 
+    @override
     def on_message(self, port: str, message: Message) -> None:
-        """Take note of a message of the run; see `Simulation`."""
         super().on_message(port, message)
         if isinstance(message, BodyPoses):
             self._places_m[message.tick] = {body.agent: body.position_world_m for body in message.bodies}

@@ -44,6 +44,16 @@ from gslcosim_training.trainers.trainer import CtrnnSettings, MethodSettings, Ta
 CHECKPOINT = "checkpoint.npz"
 SCHEMA = "gslcosim/checkpoint/1"
 _ABOUT, _TRAINER, _BEST = "about", "trainer.", "best."
+FIGURE = "curves"
+_COSTS = {"best_cost": "best of a round", "mean_cost": "mean of a round", "validation_cost": "validation"}
+_REWARDS = {"mean_reward": "mean of a leg", "reward": "mean of a search"}
+_SUCCESS = {"success": "training", "validation_success": "validation"}
+_ASPECT = 0.4
+LEARNED = "learned"
+CURVES = "curves.json"
+_PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
+# Receives what is being done, and how much of how much is over.
+Told = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,13 +121,6 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
     )
 
 
-FIGURE = "curves"
-_COSTS = {"best_cost": "best of a round", "mean_cost": "mean of a round", "validation_cost": "validation"}
-_REWARDS = {"mean_reward": "mean of a leg", "reward": "mean of a search"}
-_SUCCESS = {"success": "training", "validation_success": "validation"}
-_ASPECT = 0.4
-
-
 def draw_curves(curves: Sequence[Mapping[str, float]], folder: Path) -> list[Path]:
     """Draw cost or reward, and success, over rounds into `curves.svg` and `curves.png`."""
     with styled():
@@ -142,9 +145,6 @@ def _lines(axes: object, curves: Sequence[Mapping[str, float]], names: Mapping[s
             drawn += 1
     if drawn:
         axes.legend()  # type: ignore[attr-defined]
-
-
-LEARNED = "learned"
 
 
 class PolicyValidation:
@@ -181,13 +181,6 @@ def build_entry(policy: Any, policy_file: Path) -> EntrySpec:
 def record_runs(family: str, cases: Sequence[LoadedScenario], entry: EntrySpec, runs_dir: Path) -> list[RunResult]:
     """Fly cases with recordings, each into a run's folder of its own, for `gslcosim view`."""
     return [CaseRun(family=family, case=case, entry=entry).record(runs_dir) for case in cases]
-
-
-CURVES = "curves.json"
-_PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
-
-# Receives what is being done, and how much of how much is over.
-Told = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)

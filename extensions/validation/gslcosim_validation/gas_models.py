@@ -47,6 +47,17 @@ GAS_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     "meandering_plume": {"model": "meandering_plume", "plume": {"wind_m_s": (WIND_M_S, 0.0, 0.0)}},
 }
 """Blocks of `gas:` without sources, by names for people."""
+VELOCITY_STD_M_S = _EDDIES["intensity_frac"] * WIND_M_S
+K_M2_S2, DISSIPATION_M2_S3 = k_epsilon_from_intensity(VELOCITY_STD_M_S, _EDDIES["length_m"])
+"""Turbulence energy [m2/s2] and dissipation [m2/s3] of the air in which dispersion is judged, for all settings."""
+TIME_SCALE_S = lagrangian_time_s(K_M2_S2, DISSIPATION_M2_S3)
+"""Its Lagrangian time scale [s]."""
+ROOM_CELLS = (16, 12, 12)
+ROOM_CELL_M = 0.25
+_LID_M_S = 3.0
+_SPIN_UP_S = 60.0
+N_LAYERS = 6
+"""Into which the height of the room is divided."""
 
 
 def build_gas_scenario(gas: Mapping[str, Any], *, name: str, seed: int) -> Scenario:
@@ -161,13 +172,6 @@ def _build_field_of_tracers(
     return field
 
 
-VELOCITY_STD_M_S = _EDDIES["intensity_frac"] * WIND_M_S
-K_M2_S2, DISSIPATION_M2_S3 = k_epsilon_from_intensity(VELOCITY_STD_M_S, _EDDIES["length_m"])
-"""Turbulence energy [m2/s2] and dissipation [m2/s3] of the air in which dispersion is judged, for all settings."""
-TIME_SCALE_S = lagrangian_time_s(K_M2_S2, DISSIPATION_M2_S3)
-"""Its Lagrangian time scale [s]."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
     """Dispersion of pairs of tracers that start together: n pairs at t times.
@@ -213,14 +217,6 @@ def disperse_pairs(gas: Mapping[str, Any], *, n_histories: int, n_pairs: int = 1
         separation2_m2=separation2_m2.T,
         histories=np.repeat(np.arange(n_histories), n_pairs),
     )
-
-
-ROOM_CELLS = (16, 12, 12)
-ROOM_CELL_M = 0.25
-_LID_M_S = 3.0
-_SPIN_UP_S = 60.0
-N_LAYERS = 6
-"""Into which the height of the room is divided."""
 
 
 def closed_room() -> Environment:

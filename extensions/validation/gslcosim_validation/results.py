@@ -13,6 +13,10 @@ from gslcosim_bench.statistics.estimates import Estimate, bootstrap
 from gslcosim_validation.readers.folder import MeasuredData
 
 Effort = Literal["quick", "full"]
+# Receives the progress: a text, and the fraction done or None.
+Progress = Callable[[str, float | None], None]
+# A text, or texts by what they depend on; see the head of `cases.yaml`.
+Text = str | Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -97,10 +101,6 @@ class CaseResult:
     remarks: Sequence[str] = ()
 
 
-# Receives the progress: a text, and the fraction done or None.
-Progress = Callable[[str, float | None], None]
-
-
 class Figure:
     """One of our figures, for a row of the table of cases.
 
@@ -129,10 +129,6 @@ class Findings:
     figures: Sequence[Figure] = ()
     drawings: Mapping[str, Callable[[Any], None]] = field(default_factory=dict[str, Callable[[Any], None]])
     remarks: Mapping[str, Mapping[str, object]] | None = None
-
-
-# A text, or texts by what they depend on; see the head of `cases.yaml`.
-Text = str | Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+from typing_extensions import override
+
 from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
@@ -52,36 +54,36 @@ class BusTransport(AgentTransport):
         key = keys.raw_command(self._agent)
         self._bus.subscribe(key, self.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=self.on_longer)
 
+    @override
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Keep the briefing for a repetition; see `AgentTransport`."""
         del briefing
         self._briefing = payload
         if self.is_writer:
             self._bus.publish(keys.briefing(self._agent), payload, encoding=codec.get_encoding(Briefing))
 
+    @override
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Keep a question for a repetition; see `AgentTransport`."""
         if observation.awaiting_command:
             self._question = payload
         if self.is_writer:
             for key in (keys.observation, keys.question) if observation.awaiting_command else (keys.observation,):
                 self._bus.publish(key(self._agent), payload, encoding=codec.get_encoding(Observation), urgent=True)
 
+    @override
     def repeat(self) -> None:
-        """Publish briefing and last question again, which is harmless; see `AgentTransport`."""
         if self._briefing is not None:
             self._bus.publish(keys.briefing(self._agent), self._briefing)
         if self._question is not None:
             for key in (keys.observation(self._agent), keys.question(self._agent)):
                 self._bus.publish(key, self._question, urgent=True)
 
+    @override
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Take note that a command has been judged; see `AgentTransport`."""
         if isinstance(event, CommandReceived):
             self._handled_bytes += len(event.payload) + _EVENT_BYTES
 
+    @override
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Publish the end of the run; see `AgentTransport`."""
         self._bus.publish(keys.ending(self._agent), payload, encoding=codec.get_encoding(type(ending)), urgent=True)
 
     def on_command(self, key: str, payload: bytes) -> None:

@@ -6,6 +6,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from typing_extensions import override
+
 from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
@@ -108,8 +110,8 @@ class GatewayTransport(AgentTransport):
         self._process = process
         self._waiting: list[bytes] | None = []
 
+    @override
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Send the briefing, then what has waited for it; see `AgentTransport`."""
         del briefing
         if self._waiting is None:
             return
@@ -118,8 +120,8 @@ class GatewayTransport(AgentTransport):
         for observation in waiting:
             self._process.link.send("Observation", observation)
 
+    @override
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Send an observation; only questions where the agent wants no others; see `AgentTransport`."""
         if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
             return
         if self._waiting is None:
@@ -127,19 +129,19 @@ class GatewayTransport(AgentTransport):
         else:
             self._waiting.append(payload)
 
+    @override
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Let the next frame come; see `AgentTransport`."""
         del event
         self._process.link.acknowledge()
 
+    @override
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Send the process the end of the run, and end its stream; see `AgentTransport`."""
         del ending
         self._process.link.send("Ending", payload)
         self._process.link.end()
 
+    @override
     def describe_absence(self) -> str:
-        """Return the fault, with the reason why a connection was refused; see `AgentTransport`."""
         return f"{describe_absence()} {_end_sentence(self._process.refused_connection)}".rstrip()
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from typing_extensions import override
+
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
@@ -24,6 +26,12 @@ from gslcosim.runtime.run_dir import MachineLog
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage
 from gslcosim.scenario.models.scenario import AgentSpec
+
+# An observation, or where its bytes alone are at hand, its head.
+ObservationOrHead = Observation | codec.ObservationHead
+# An agent that still decides after that is left to itself.
+END_TIMEOUT_S = 2.0
+REPEAT_QUESTION_AFTER_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,10 +78,6 @@ AgentEvent = AgentJoined | CommandReceived | CommandRefused | AnswerMissed | Age
 EventSink = Callable[[AgentEvent], None]
 
 
-# An observation, or where its bytes alone are at hand, its head.
-ObservationOrHead = Observation | codec.ObservationHead
-
-
 class AgentTransport(Protocol):
     """Transport of messages to one agent; its answers come back as events, on any thread.
 
@@ -113,16 +117,16 @@ class ObjectTransport(AgentTransport):
         self._put = put
         self._agent: Agent | None = None
 
+    @override
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Make the agent; see `AgentTransport`."""
         del payload
         try:
             self._agent = self._agent_type(briefing)
         except (Exception, SystemExit) as error:  # whatever an agent does is a result of the run
             self._fail("the agent failed at its briefing", error)
 
+    @override
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent observe, and decide where a command is due; see `AgentTransport`."""
         agent = self._agent
         if not isinstance(observation, Observation):
             observation = codec.decode_trusted(Observation, payload)
@@ -135,8 +139,8 @@ class ObjectTransport(AgentTransport):
         except (Exception, SystemExit) as error:  # as above
             self._fail(f"the agent failed at tick {observation.tick}", error)
 
+    @override
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Send it to the agent; see `AgentTransport`."""
         del payload
         if self._agent is None:
             return
@@ -158,10 +162,6 @@ class ObjectTransport(AgentTransport):
         cut_contract_frames(error)
         trace = "".join(traceback.format_exception(error, limit=-1))
         self._put(AgentLost(agent=self._name, reason=f"{text}: {trace.strip()}"))
-
-
-# An agent that still decides after that is left to itself.
-END_TIMEOUT_S = 2.0
 
 
 class WorkerThread:
@@ -202,18 +202,18 @@ class ThreadedTransport(AgentTransport):
         self._newest_question = -1
         self._is_over = False
 
+    @override
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Let the agent be made; see `AgentTransport`."""
         self._worker.do(lambda: self._link.brief(briefing, payload))
 
+    @override
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent observe, and decide unless a newer question has come; see `AgentTransport`."""
         if observation.awaiting_command:
             self._newest_question = observation.tick
         self._worker.do(lambda: self._look(codec.decode(Observation, payload), payload))
 
+    @override
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Send the agent the end after its present work, and wait a moment for that; see `AgentTransport`."""
         self._is_over = True
         self._worker.do(lambda: self._link.end(ending, payload))
         self._worker.finish()
@@ -233,19 +233,16 @@ class SteppedTransport(AgentTransport):
         # With a latency several observations may await their commands, the oldest first.
         self.questions: deque[Observation] = deque()
 
+    @override
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Keep a question; see `AgentTransport`."""
         if observation.awaiting_command:
             is_whole = isinstance(observation, Observation)
             self.questions.append(observation if is_whole else codec.decode(Observation, payload))
 
+    @override
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Ask no more; see `AgentTransport`."""
         del ending, payload
         self.questions.clear()
-
-
-REPEAT_QUESTION_AFTER_S = 1.0
 
 
 @dataclass

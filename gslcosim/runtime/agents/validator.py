@@ -11,6 +11,19 @@ from gslcosim.contract.version import ContractVersionError, check_contract
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 
+MAX_COMMAND_BYTES = 1024 * 1024
+# At most one belief in so much simulated time is taken.
+BELIEF_PERIOD_S = 1
+MAX_EARLY_ANSWERS = 16
+MAX_EARLY_TICKS = 64
+MAX_FAULTS = 50
+# The way a process ends differs from run to run; it is part of the fault, but the run's digest must not depend on it.
+AGENT_LOST_REASON = "the agent is gone"
+FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
+UnpackedAnswer = dict[str, object] | ContractError
+"""Bytes of an agent, decoded: a map that is not judged yet, or the reason why there is none."""
+_MAX_RADIO_TEXTS = 16
+
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedCommands:
@@ -28,21 +41,6 @@ def get_recorded_command(commands: Mapping[int, Command], agent: str, tick: int)
             "The run does not repeat: it was flown by other code, or its files were changed."
         )
     return commands[tick]
-
-
-MAX_COMMAND_BYTES = 1024 * 1024
-# At most one belief in so much simulated time is taken.
-BELIEF_PERIOD_S = 1
-MAX_EARLY_ANSWERS = 16
-MAX_EARLY_TICKS = 64
-MAX_FAULTS = 50
-# The way a process ends differs from run to run; it is part of the fault, but the run's digest must not depend on it.
-AGENT_LOST_REASON = "the agent is gone"
-FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
-
-
-UnpackedAnswer = dict[str, object] | ContractError
-"""Bytes of an agent, decoded: a map that is not judged yet, or the reason why there is none."""
 
 
 def unpack_answer(payload: bytes) -> UnpackedAnswer:
@@ -257,9 +255,6 @@ def _describe_unreadable(said: UnpackedAnswer) -> str:
     except ContractError as error:
         return str(error)
     return "expected no command now (no observation awaits one), one came."
-
-
-_MAX_RADIO_TEXTS = 16
 
 
 @dataclass

@@ -23,14 +23,6 @@ from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
 from gslcosim.runtime.stepper import ClockPace, MissingInput, SentMessage, SnapshotPolicy, StepLoop, Stepper
 
-
-def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
-    """Report to the supervisor the error that has ended a participant."""
-    text = format_fault(error, "".join(traceback.format_exception(error)))
-    note = protocol.FaultReport(participant=participant, tick=tick, text=text[-protocol.MAX_TEXT :])
-    bus.publish(protocol.FAULT_KEY, note.to_bytes(), urgent=True)
-
-
 # Links between services may come up later than those to the router. A reader that comes after that requests the
 # messages that it has missed.
 SUBSCRIBER_TIMEOUT_S = 5.0
@@ -40,6 +32,19 @@ _PROGRESS_WINDOW_DIVISOR = 4
 # A slow run shows that it moves.
 PROGRESS_PERIOD_S = 1.0
 BUNDLE_TICKS = 64
+MIN_RESEND_AFTER_S = 0.2
+MAX_RESEND_AFTER_S = 2.0
+FINAL_REPORT_PERIOD_S = 0.5
+_LINK_LOST = "link lost"
+_READER_REPORTED = "reader told"
+_READER_CONNECTED = "reader came"
+
+
+def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
+    """Report to the supervisor the error that has ended a participant."""
+    text = format_fault(error, "".join(traceback.format_exception(error)))
+    note = protocol.FaultReport(participant=participant, tick=tick, text=text[-protocol.MAX_TEXT :])
+    bus.publish(protocol.FAULT_KEY, note.to_bytes(), urgent=True)
 
 
 class ParticipantLink:
@@ -182,14 +187,6 @@ class ParticipantLink:
             summary=self._summarize(),
         )
         self._bus.publish(protocol.build_final_report_key(self.name), report.to_bytes(), urgent=True)
-
-
-MIN_RESEND_AFTER_S = 0.2
-MAX_RESEND_AFTER_S = 2.0
-FINAL_REPORT_PERIOD_S = 0.5
-_LINK_LOST = "link lost"
-_READER_REPORTED = "reader told"
-_READER_CONNECTED = "reader came"
 
 
 class Host:

@@ -51,6 +51,16 @@ from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 
+# Beside the time that a run waits for joining hosts; a program that has to load much first sends its hello before that.
+HELLO_TIMEOUT_S = 60.0
+EXIT_TIMEOUT_S = 2.0
+PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"
+# A process's end and its stream's end are seen by two threads.
+_LOG_TAIL_WAIT_S = 1.0
+_POLL_PERIOD_S = 0.1
+_PREFIX = "participant_"
+END_REASON = "the run is over"
+
 
 def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Path) -> dict[str, dict[str, str]]:
     """Return for each participant the words of its command that are files, with the SHA-256 of what is in them."""
@@ -75,16 +85,6 @@ def _find_file(command: tuple[str, ...], i: int, directory: Path) -> Path | None
         return path if path.is_file() else None
     except OSError:
         return None
-
-
-# Beside the time that a run waits for joining hosts; a program that has to load much first sends its hello before that.
-HELLO_TIMEOUT_S = 60.0
-EXIT_TIMEOUT_S = 2.0
-PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"
-# A process's end and its stream's end are seen by two threads.
-_LOG_TAIL_WAIT_S = 1.0
-_POLL_PERIOD_S = 0.1
-_PREFIX = "participant_"
 
 
 class ParticipantProgram:
@@ -239,9 +239,6 @@ class ParticipantProgram:
         how = f"but its process {self._how}" if self._has_exited.is_set() else f"nobody within {HELLO_TIMEOUT_S:g} s"
         note = f" ({refused[-1].rstrip('.')})" if refused else ""
         raise self.fault(f"expected its program to connect to {GATEWAY_VARIABLE}, {how}{note}.")
-
-
-END_REASON = "the run is over"
 
 
 class ProgramCore(ABC):

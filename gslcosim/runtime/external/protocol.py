@@ -29,6 +29,8 @@ from gslcosim.scenario.problems import did_you_mean
 
 # Names of processes, and of other parts of a run that a fault can name, besides the names of services.
 _RESERVED_NAMES = ("supervisor", "runtime", "fork_server")
+_NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_MAX_SHOWN = 60
 
 
 def get_period_ticks(own: ParticipantProgramSpec, scenario: Scenario) -> int:
@@ -112,10 +114,6 @@ def _find_unknown_ports(scenario: Scenario, specs: Sequence[ParticipantSpec]) ->
                     found=f"a delay of {delays[announcer]}" if announcer in delays else "none",
                     remedy=f"Add {{port: {announcer}, delay: {read.delay}}}.",
                 )
-
-
-_NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}")
-_MAX_SHOWN = 60
 
 
 def read_hello(payload: bytes) -> ParticipantHello:

@@ -6,6 +6,9 @@ import sys
 from pathlib import Path
 
 _ARG_START, _ARG_END = 48, 49
+_PR_SET_DUMPABLE = 4
+_KIB = 1024
+_ROLLUP = Path("/proc/self/smaps_rollup")
 
 
 def set_process_title(title: str) -> None:
@@ -25,9 +28,6 @@ def set_process_title(title: str) -> None:
         ctypes.memmove(start, words.ljust(end - start, b"\0"), end - start)
 
 
-_PR_SET_DUMPABLE = 4
-
-
 def keep_memory_private() -> None:
     """Let no other process of this user read this one's memory or environment, where the run's passwords are.
 
@@ -36,10 +36,6 @@ def keep_memory_private() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0)
-
-
-_KIB = 1024
-_ROLLUP = Path("/proc/self/smaps_rollup")
 
 
 def read_memory_bytes() -> int | None:

@@ -11,6 +11,11 @@ from pathlib import Path
 from typing import Self
 
 MIN_PAUSE_S = 1.0
+# A process that is continued sooner goes on without consequences.
+STOP_TIMEOUT_S = 5.0
+STOP_POLL_PERIOD_S = 0.25
+_STOPPED_STATE = "T"
+_MAX_LAUNCHER_DEPTH = 8
 
 
 class PauseDetector:
@@ -29,13 +34,6 @@ class PauseDetector:
         since_s = now_s - self._looked_at_s if self._looked_at_s is not None else 0.0
         self._looked_at_s = now_s
         return since_s if since_s > MIN_PAUSE_S else 0.0
-
-
-# A process that is continued sooner goes on without consequences.
-STOP_TIMEOUT_S = 5.0
-STOP_POLL_PERIOD_S = 0.25
-_STOPPED_STATE = "T"
-_MAX_LAUNCHER_DEPTH = 8
 
 
 def can_detect_stops() -> bool:

@@ -13,6 +13,8 @@ from gslcosim.runtime.run_dir import ForkOrigin, RunDir
 from gslcosim.runtime.services import build_dataflow, get_upstream_rank
 from gslcosim.scenario import Scenario
 
+_BRIEFING_KEY_PARTS = keys.briefing("*").split("*")
+
 
 @dataclass(frozen=True)
 class Divergence:
@@ -77,9 +79,6 @@ def find_repeated_divergence(
     if scenarios[0].recording != scenarios[1].recording:
         other = other | build_dataflow(scenarios[1]).recording_ports
     return find_first_divergence(before.without(other, final_tick=last_tick), now.without(other))
-
-
-_BRIEFING_KEY_PARTS = keys.briefing("*").split("*")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,6 +47,19 @@ _IMMUTABLE_TYPES = (
 _IMMUTABLE_LIBRARIES = frozenset({"numba", "mujoco"})
 PLAIN_TYPES = frozenset({type(None), bool, int, float, str, bytes})
 CONTAINERS = (list, deque, dict, set, frozenset, tuple)
+# An unchanged array of at least this many bytes is left out.
+MIN_HASHED_BYTES = 1 << 14
+_MAX_PLAIN_INT = 1 << 63
+Node = dict[str, Any]
+_BIT_GENERATORS = ("PCG64", "PCG64DXSM", "Philox", "SFC64", "MT19937")
+_CONTAINER_TYPES_BY_NAME: dict[str, type] = {
+    "list": list, "dict": dict, "odict": OrderedDict, "set": set, "deque": deque
+}  # fmt: skip
+# Errors that a value causes if its type, size or depth is not that of a state.
+_WRONG_VALUES = (
+    ArithmeticError, AttributeError, BufferError, LookupError, MemoryError, RecursionError, TypeError, ValueError,
+    msgspec.MsgspecError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,10 +219,6 @@ def hash_array(array: "np.ndarray[Any, Any]") -> bytes:
     return hashlib.blake2b(array.tobytes(), digest_size=16).digest()
 
 
-# An unchanged array of at least this many bytes is left out.
-MIN_HASHED_BYTES = 1 << 14
-
-
 @dataclass(frozen=True, kw_only=True)
 class BaselineEntry:
     """Entry of a baseline: the path of a thing, and its content."""
@@ -250,10 +259,6 @@ class Baseline:
         self.by_id[id(value)] = self.by_path[path] = BaselineEntry(
             path=path, value=value, attributes=attributes, fingerprint=mark
         )
-
-
-_MAX_PLAIN_INT = 1 << 63
-Node = dict[str, Any]
 
 
 class StateReader:
@@ -428,12 +433,6 @@ def _is_frozen(value: Any) -> bool:
 
 def _is_same(value: Any, before: Any) -> bool:
     return value is before or (type(value) is type(before) and is_plain(value) and repr(value) == repr(before))
-
-
-_BIT_GENERATORS = ("PCG64", "PCG64DXSM", "Philox", "SFC64", "MT19937")
-_CONTAINER_TYPES_BY_NAME: dict[str, type] = {
-    "list": list, "dict": dict, "odict": OrderedDict, "set": set, "deque": deque
-}  # fmt: skip
 
 
 class StateWriter:
@@ -648,13 +647,6 @@ def _tuples_from_lists(descr: Any) -> Any:
         return descr
     fields = cast("list[list[Any]]", descr)
     return [(f[0], _tuples_from_lists(f[1]), *(tuple(shape) for shape in f[2:])) for f in fields]
-
-
-# Errors that a value causes if its type, size or depth is not that of a state.
-_WRONG_VALUES = (
-    ArithmeticError, AttributeError, BufferError, LookupError, MemoryError, RecursionError, TypeError, ValueError,
-    msgspec.MsgspecError,
-)  # fmt: skip
 
 
 class ObjectState:

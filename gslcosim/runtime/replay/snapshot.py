@@ -38,17 +38,6 @@ from gslcosim.vehicles import Vehicle
 
 # A room, a scenario and vehicles never change in a run, and are there when it goes on.
 _IMMUTABLE_TYPES = (Environment, Spec, Vehicle)
-
-
-def build_state_adapter(core: Core) -> SupportsSnapshots:
-    """Return the adapter that reads and restores the state of a core that has just been built."""
-    if isinstance(core, SupportsSnapshots):
-        return core
-    # Models of an extension stand within cores of services.
-    packages = frozenset({"gslcosim", *find_extension_packages()})
-    return ObjectState(core, fixed=_IMMUTABLE_TYPES, packages=packages)
-
-
 SCHEMA = "gslcosim/snapshot/1"
 SNAPSHOTS_FOLDER = "snapshots"
 _SNAPSHOT_SUFFIX = ".snap"
@@ -61,6 +50,20 @@ _STATE_CODE = (
     )),
 )  # fmt: skip
 _msgpack: Any = msgpack
+OBSERVATIONS_FOLDER = "told"
+_CHUNK_TICKS = 64
+_CHUNK_BYTES = 1 << 20
+# One observation may be larger than a chunk.
+_MAX_UNPACKED_BYTES = 1 << 30
+
+
+def build_state_adapter(core: Core) -> SupportsSnapshots:
+    """Return the adapter that reads and restores the state of a core that has just been built."""
+    if isinstance(core, SupportsSnapshots):
+        return core
+    # Models of an extension stand within cores of services.
+    packages = frozenset({"gslcosim", *find_extension_packages()})
+    return ObjectState(core, fixed=_IMMUTABLE_TYPES, packages=packages)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,13 +162,6 @@ def hash_external_core(core: object) -> str:
         return hashlib.blake2b(code, digest_size=16).hexdigest()
     except (OSError, TypeError):
         return ""
-
-
-OBSERVATIONS_FOLDER = "told"
-_CHUNK_TICKS = 64
-_CHUNK_BYTES = 1 << 20
-# One observation may be larger than a chunk.
-_MAX_UNPACKED_BYTES = 1 << 30
 
 
 class ObservationLog:

@@ -21,6 +21,8 @@ from gslcosim.scenario.problems import did_you_mean
 from gslcosim_bench.cases.models import SPLITS, Split, Values, check_lengths
 from gslcosim_bench.cases.spec_files import find_scenario_beside, read_spec_file
 
+_DIGITS = 6
+
 
 class DrawnSpec(Spec):
     """Variation of a value: one of a list, a number `between` two others, or the seed of a room.
@@ -166,9 +168,6 @@ class FamilySpec(Spec):
                 key="vary", expected="each value once", found=f"{twice} twice", remedy="Leave one out."
             )
         return self
-
-
-_DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True)

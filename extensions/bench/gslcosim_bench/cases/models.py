@@ -43,6 +43,14 @@ Split = Literal["training", "validation", "test"]
 
 LABELS = "labels."
 """Beginning of paths that set no value of a scenario: `labels.wind: gusting` is the level of a case on an axis."""
+START_PATH = "agents[0].vehicle.start_m"
+SEED_PATHS = ("seed", "gas.seed")
+"""Values that `seeds` of a scenario give to each repetition."""
+_BITS = 31
+KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")
+_NAMES = ("entry", "scenario", "family", "case")
+_MAX_LISTED = 40
+MOST_SHARDS = 100_000
 
 
 def as_overrides(values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -74,10 +82,6 @@ class DrawSpec(Spec):
 
 Axis = dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]]
 """Values that vary, by their paths: lists of one item go together."""
-
-START_PATH = "agents[0].vehicle.start_m"
-SEED_PATHS = ("seed", "gas.seed")
-"""Values that `seeds` of a scenario give to each repetition."""
 
 
 class ScenarioSpec(Spec):
@@ -571,9 +575,6 @@ class Trial:
         return replace(self, scenario_json=json.dumps(values))
 
 
-_BITS = 31
-
-
 def derive_seed(suite_seed: int, *words: str | int) -> int:
     """Return a seed from 0 to 2^31 - 1 for what the words name, as good as independent of all others.
 
@@ -586,11 +587,6 @@ def derive_seed(suite_seed: int, *words: str | int) -> int:
     text = "/".join(str(word) for word in (suite_seed, *words))
     digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
     return int.from_bytes(digest, "big") >> (64 - _BITS)
-
-
-KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")
-_NAMES = ("entry", "scenario", "family", "case")
-_MAX_LISTED = 40
 
 
 @dataclass(frozen=True)
@@ -656,9 +652,6 @@ def _describe_slot(slot: TrialSlot) -> dict[str, str]:
         "repetition": str(slot.repetition),
         "control": "yes" if slot.is_control else "no",
     }
-
-
-MOST_SHARDS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)

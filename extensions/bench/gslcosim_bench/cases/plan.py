@@ -65,6 +65,10 @@ ROOM_S, PLUME_S = 60.0, 10.0
 BYTES_PER_TRIAL = 9_000
 MAX_PROBLEMS = 100
 """With so many problems, further cases of a suite are not looked at."""
+_N = 200_000
+_UNITS = ("_m_s", "_m2_s", "_m", "_s", "_frac", "_per_s")
+Progress = Callable[[int], None]
+"""Receives the number of trials planned so far."""
 
 
 class _Pace(TypedDict):
@@ -95,9 +99,6 @@ def _file() -> Path:
     return get_cache_root() / "bench_pace.json"
 
 
-_N = 200_000
-
-
 def reference_loop_s() -> float:
     """Return the present duration of the loop by the clock [s]: about 0.02 s on a machine of 2023."""
     began = time.perf_counter()
@@ -106,9 +107,6 @@ def reference_loop_s() -> float:
         total += i * i & 0xFF
     assert total > 0, "the loop is not optimised away"
     return time.perf_counter() - began
-
-
-_UNITS = ("_m_s", "_m2_s", "_m", "_s", "_frac", "_per_s")
 
 
 def expand_cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
@@ -233,10 +231,6 @@ def _short(value: Any) -> str:
     if isinstance(value, dict):
         return ",".join(f"{key}:{_short(inner)}" for key, inner in value.items())
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-Progress = Callable[[int], None]
-"""Receives the number of trials planned so far."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,8 @@ from gslcosim_bench.cases.submission_bundles import (
 
 _HEAD_BYTES = 65_536
 _DIGITS = 24
+_ENDINGS = (".yaml", ".yml")
+SCENARIOS, FAMILIES, AGENTS, SUITES = "scenarios", "families", "agents", "suites"
 
 
 @cache
@@ -151,9 +153,6 @@ def _hash(values: Any) -> str:
     return hashlib.blake2b(text.encode(), digest_size=_DIGITS // 2).hexdigest()
 
 
-_ENDINGS = (".yaml", ".yml")
-
-
 @dataclass(frozen=True, kw_only=True)
 class LoadedSuite:
     """A valid suite, where it came from, and the suites that it includes.
@@ -253,9 +252,6 @@ def _load(source: str | Path, seed: _SealedSeed, within: tuple[Path, ...], *, is
 def _beside(path: Path, name: str) -> str | Path:
     beside = path.parent / name
     return beside if beside.exists() else name
-
-
-SCENARIOS, FAMILIES, AGENTS, SUITES = "scenarios", "families", "agents", "suites"
 
 
 def write_suite(loaded: LoadedSuite, folder: Path) -> None:

@@ -27,6 +27,13 @@ from gslcosim_formats.worker_process import WorkerProcess
 POLL_PERIOD_S = 0.5
 
 Failure = Literal["crashed", "hung", "out_of_memory", "fault"]
+# The next job waits at the worker while it does the one before, so that it is never idle in between.
+_AHEAD = 2
+_LOOK_EVERY_S = 0.25
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_MOST_FAILED_STARTS = 3
+_WORKER = "gslcosim_bench.execution.worker:do_jobs"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,15 +119,6 @@ def iterate_results(pool: Pool, jobs: Sequence[Job]) -> Iterator[JobResult]:
         for ended in pool.wait(POLL_PERIOD_S):
             left -= 1
             yield ended
-
-
-# The next job waits at the worker while it does the one before, so that it is never idle in between.
-_AHEAD = 2
-_LOOK_EVERY_S = 0.25
-_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
-_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-_MOST_FAILED_STARTS = 3
-_WORKER = "gslcosim_bench.execution.worker:do_jobs"
 
 
 def n_cores() -> int:

@@ -32,6 +32,18 @@ from gslcosim_bench.execution.ray_worker import (
 
 AUTO, LOCAL = "auto", "local"
 _LISTENS_S = 10.0
+# As in `LocalPool`: the next run waits at the worker.
+_AHEAD = 2
+_LOOK_EVERY_S = 0.5
+_START_S = 60.0
+_END_S = 3.0
+# Of a worker on another machine, whose state this one cannot see: as long as a run waits for a lost host.
+_SILENCE_S = 15.0
+_MOST_FAILED_STARTS = 3
+# Rows travel through it, and the files of agents.
+_LOCAL_STORE_BYTES = 200_000_000
+# Calls of this group are answered while a worker does its job.
+_BESIDE = "beside"
 
 
 def load_ray(address: str) -> Any:
@@ -96,20 +108,6 @@ def shorten_error(error: BaseException) -> str:
     """Return the lines of an error that tell its cause; Ray's own are long."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return " ".join(lines[-3:] if isinstance(error, GslCosimError) else lines[:3])[:600]
-
-
-# As in `LocalPool`: the next run waits at the worker.
-_AHEAD = 2
-_LOOK_EVERY_S = 0.5
-_START_S = 60.0
-_END_S = 3.0
-# Of a worker on another machine, whose state this one cannot see: as long as a run waits for a lost host.
-_SILENCE_S = 15.0
-_MOST_FAILED_STARTS = 3
-# Rows travel through it, and the files of agents.
-_LOCAL_STORE_BYTES = 200_000_000
-# Calls of this group are answered while a worker does its job.
-_BESIDE = "beside"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ _BESIDE = {".gltf": ("*.bin",), ".xml": ("**/*.stl", "**/*.obj", "**/*.xml", "**
 
 Contents = dict[str, tuple[int, bytes]]
 """Files by their absolute paths: mode and bytes."""
+_LOOK_EVERY_S = 0.5
+_DIGITS = 24
 
 
 @dataclass(frozen=True)
@@ -203,10 +205,6 @@ def _hash_of(path: Path) -> str | None:
             return hashlib.blake2b(file.read(_READ_BYTES) + str(size).encode(), digest_size=12).hexdigest()
     except OSError:
         return None
-
-
-_LOOK_EVERY_S = 0.5
-_DIGITS = 24
 
 
 @dataclass(frozen=True, kw_only=True)

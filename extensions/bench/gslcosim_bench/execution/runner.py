@@ -50,6 +50,10 @@ from gslcosim_bench.store import (
     build_tables,
 )
 
+_TRIES = 2
+_SECRET_BYTES = 16
+_STATUS_EVERY_S = 2.0
+
 
 def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequence[str]) -> dict[str, Any]:
     """Return the content of `manifest.json`.
@@ -171,11 +175,6 @@ def shuffle_trials(trials: Iterable[Trial], *, seed: int) -> list[Trial]:
     are left.
     """
     return sorted(trials, key=lambda trial: (derive_seed(seed, "order", trial.index), trial.index))
-
-
-_TRIES = 2
-_SECRET_BYTES = 16
-_STATUS_EVERY_S = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)

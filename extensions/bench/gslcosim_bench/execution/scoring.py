@@ -40,6 +40,13 @@ from gslcosim_bench.metrics.path_metrics import (
 from gslcosim_bench.metrics.series import select_samples
 from gslcosim_bench.store import TRIAL_COLUMNS, Tracks
 
+_NAN = float("nan")
+# After one of these nothing that an agent does counts.
+_ENDS = ("success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds")
+Row = dict[str, Any]
+"""A value for each column of `trials.parquet`; None where it is absent."""
+COMPLETED = "flown"
+
 
 def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: float) -> float:
     """Return the time of a run: min(time to source, T) with success, T for every failure, collisions too [s].
@@ -82,9 +89,6 @@ def score(
     if not success or n_collisions:
         return 0.0
     return (1.0 - 0.5 * time_s / limit_s) * 0.5**n_false_declarations
-
-
-_NAN = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,16 +214,6 @@ class SeriesCollector:
         self.declared.append(
             RecordedDeclaration(time_s=time_s, place_m=declaration.position_world_m, confidence=declaration.confidence)
         )
-
-
-# After one of these nothing that an agent does counts.
-_ENDS = ("success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds")
-
-
-Row = dict[str, Any]
-"""A value for each column of `trials.parquet`; None where it is absent."""
-
-COMPLETED = "flown"
 
 
 def row_without_result(trial: Trial, environment_hash: str, *, status: str, fault: str) -> Row:

@@ -45,6 +45,8 @@ ALL_CASES = "{}"
 CUTOFF_SIGMA = 3.0
 # Cells of a map along its longer side, at most.
 MAX_CELLS = 80
+# Trials come in random order. Rooms are mapped files, so that one more costs little.
+_ROOMS_KEPT = 8
 
 
 def prepare_room(trial: Trial, progress: Progress) -> Path:
@@ -148,10 +150,6 @@ def _what_a_map_shows(trial: Trial) -> str:
     scenario = trial.resolved
     gas = scenario.gas.model_dump_json(exclude={"seed"})
     return json.dumps([trial.room, gas, scenario.agents[0].vehicle.search_height_m])
-
-
-# Trials come in random order. Rooms are mapped files, so that one more costs little.
-_ROOMS_KEPT = 8
 
 
 @dataclass(frozen=True, kw_only=True)

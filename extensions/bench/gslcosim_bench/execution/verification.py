@@ -31,6 +31,9 @@ from gslcosim_bench.execution.scoring import COMPLETED, Row
 from gslcosim_bench.store import ResultsFolder, is_machine_dependent
 from gslcosim_bench.verification_marks import VerificationMark, remove_caches, results_hash, save_mark
 
+_SEEING = ("start", "may_read", "may_write")
+_Program = tuple[str, list[str], tuple[str, ...]]
+
 
 def check_sandbox(plan: Plan) -> None:
     """Refuse to fly a suite that demands a sandbox on a machine without one."""
@@ -107,10 +110,6 @@ def check_bundles(plan: Plan, roots: Mapping[str, Path]) -> None:
 def _read_starts(trial: Trial) -> tuple[Path, str]:
     agents = json.loads(trial.scenario_json)["agents"]
     return trial.directory, json.dumps([[agent.get(key) for key in _SEEING] for agent in agents])
-
-
-_SEEING = ("start", "may_read", "may_write")
-_Program = tuple[str, list[str], tuple[str, ...]]
 
 
 def _check_programs(programs: Sequence[tuple[Trial, Iterable[_Program]]], folder: Path, trusting: str) -> None:

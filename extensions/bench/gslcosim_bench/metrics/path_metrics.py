@@ -21,6 +21,7 @@ from gslcosim_services.referee import metrics
 
 # Radii of the table of trials [m].
 RADII_M = (5.0, 2.0, 1.0, 0.5)
+Outcome = Literal["correct", "wrong_place", "silent", "false_alarm", "correct_silence"]
 
 
 def path_length_m(positions_m: ArrayLike) -> float:
@@ -198,9 +199,6 @@ def _vec3(point: Sequence[float] | Array) -> Vec3:
 
 def _angle_rad(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
-Outcome = Literal["correct", "wrong_place", "silent", "false_alarm", "correct_silence"]
 
 
 @dataclass(frozen=True, kw_only=True)

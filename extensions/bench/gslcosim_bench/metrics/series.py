@@ -6,6 +6,8 @@ from numpy.typing import ArrayLike, NDArray
 from gslcosim.base.errors import ShapeError
 
 Array = NDArray[np.float64]
+# Times are ticks in seconds, which floating point rounds.
+_ROUNDING_S = 1e-6
 
 
 def as_series(name: str, values: ArrayLike, *, n: int | None = None) -> Array:
@@ -27,10 +29,6 @@ def as_points(name: str, points_m: ArrayLike) -> Array:
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise ShapeError(f"{name}: expected shape (n, 3), n > 0, was {points.shape}. Pass x, y and z of each point.")
     return points
-
-
-# Times are ticks in seconds, which floating point rounds.
-_ROUNDING_S = 1e-6
 
 
 def select_samples(t_s: ArrayLike, *, every_s: float = 1.0) -> NDArray[np.int64]:

@@ -46,6 +46,9 @@ from gslcosim_bench.statistics.times import restricted_mean
 
 BLIND, SWEEP = "persistent_walk", "sweep"
 """The entries whose flights tell of geometry and of contact with gas: the bundled methods under their own names."""
+_MOST_VIEWS = 24
+# Of more pairs only those over all cases are reported.
+_MANY_PAIRS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,11 +290,6 @@ def group_failures(material: ReportData) -> tuple[FailureGroup, ...]:
         by_entry = tuple(Counter(rows.entry[some].tolist()).most_common())
         groups.append(FailureGroup(status=status, outcome=outcome, rows=some, by_entry=by_entry))
     return tuple(groups)
-
-
-_MOST_VIEWS = 24
-# Of more pairs only those over all cases are reported.
-_MANY_PAIRS = 200
 
 
 @dataclass(frozen=True, kw_only=True)

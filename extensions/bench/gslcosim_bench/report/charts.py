@@ -14,6 +14,11 @@ from gslcosim_bench.report.report_data import Floats
 from gslcosim_bench.report.responses import ParameterResponse, ResponsePoint
 from gslcosim_bench.statistics.roc import Roc
 
+RESPONSE_FIGURES = ("success", "score", "time_s")
+_MOST_LINES, _MOST_LETTERS = 12, 16
+# From this ratio of largest to smallest on, values of a parameter are spread by their logarithms.
+_LOG_FROM = 20.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class ChartAxis:
@@ -143,12 +148,6 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
         for parameter in response.units:
             charts |= _response_charts(response, parameter, limit_s)
     return charts
-
-
-RESPONSE_FIGURES = ("success", "score", "time_s")
-_MOST_LINES, _MOST_LETTERS = 12, 16
-# From this ratio of largest to smallest on, values of a parameter are spread by their logarithms.
-_LOG_FROM = 20.0
 
 
 # Settings that differ in this parameter alone are a line; where few do, as in a search, all are points.

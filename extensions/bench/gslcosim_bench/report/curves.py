@@ -29,6 +29,7 @@ _LARGEST_FACTOR = 50.0
 LARGEST_ERROR_M, _ERRORS = 5.0, 101
 """Errors of declarations that are drawn, up to [m], and at how many distances."""
 _FEWER_DRAWS = 500
+BELIEF_FIGURES = ("distance_m", "error_m", "mass_near", "entropy_bits", "minus_log_p")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -245,9 +246,6 @@ class FinalBelief:
     entropy_bits: Estimate
     minus_log_p: Estimate
     n: int
-
-
-BELIEF_FIGURES = ("distance_m", "error_m", "mass_near", "entropy_bits", "minus_log_p")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,9 @@ from gslcosim_data.figures.style import (
 
 _MOST_DRAWN = 12
 _LINE_CHARTS = ("success_over_time", "profile", "runtime", "errors", "beliefs", "roc")
+RESULT_FIGURES = ("distance", "starts")
+_MOST_ENTRIES = 6
+_MOST_ACROSS = {1: 2, 2: 3}
 
 
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
@@ -151,11 +154,6 @@ def _pairs(analysis: Analysis, axes: Any) -> None:
     axes.set_yticks(range(len(drawn)), names)
     axes.spines[:].set_visible(False)
     axes.set_title("shaded: row is better; difference in success, points", fontsize=8)
-
-
-RESULT_FIGURES = ("distance", "starts")
-_MOST_ENTRIES = 6
-_MOST_ACROSS = {1: 2, 2: 3}
 
 
 def write_result_figures(

@@ -22,6 +22,41 @@ from gslcosim_bench.verification_marks import VerificationMark
 from gslcosim_data.text_tables import escape_markdown, format_markdown_table, write_csv
 
 PARTS = ("preparing", "starting", "flying", "judging", "storing")
+LEADERBOARD_SCHEMA = "gslcosim/leaderboard/1"
+FIGURES = (
+    "score",
+    "worst",
+    "normalised",
+    "success",
+    *DECLARED_WITHIN_M,
+    "lift",
+    "time_s",
+    "spl",
+    "overhead",
+    "false_alarms",
+    "decision_ms",
+)
+"""Figures of an entry's row, each with its interval and its number of flights."""
+_COLUMNS = (
+    ("Score", number_formats.format_score),
+    ("Worst quarter", number_formats.format_score),
+    ("Success [%]", number_formats.format_percent),
+    ("Lift [points]", number_formats.format_points),
+    ("Mean time [s]", number_formats.format_three_digits),
+    ("SPL", number_formats.format_score),
+)
+_SUMMED = ("score", "worst", "success", "lift", "time_s", "spl")
+_NOTES = (
+    "Score: mean over cases of q = S (1 - 0.5 t / T), halved for each false declaration, 0 after a collision; worst "
+    "quarter: the same over the cases in which it is worst.",
+    "Intervals are 95 %.",
+    "Highest score first. Rank: the best and the worst place that an entry may have, by how many beat it and how many "
+    "it beats; all pairs are compared in one family, so that equal entries all share the first rank in 95 % of "
+    "comparisons.",
+)
+Table = Iterable[Sequence[Any]]
+Leaderboard = tuple[list[str], list[list[str]]]
+"""Headings and rows of text."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,47 +205,6 @@ def describe_mark(mark: VerificationMark | None) -> str:
     if mark is None or not mark.sample:
         return "no"
     return f"{mark.same} of {mark.sample} trials flown again here gave the same digest, {mark.at}"
-
-
-LEADERBOARD_SCHEMA = "gslcosim/leaderboard/1"
-
-FIGURES = (
-    "score",
-    "worst",
-    "normalised",
-    "success",
-    *DECLARED_WITHIN_M,
-    "lift",
-    "time_s",
-    "spl",
-    "overhead",
-    "false_alarms",
-    "decision_ms",
-)
-"""Figures of an entry's row, each with its interval and its number of flights."""
-
-_COLUMNS = (
-    ("Score", number_formats.format_score),
-    ("Worst quarter", number_formats.format_score),
-    ("Success [%]", number_formats.format_percent),
-    ("Lift [points]", number_formats.format_points),
-    ("Mean time [s]", number_formats.format_three_digits),
-    ("SPL", number_formats.format_score),
-)
-_SUMMED = ("score", "worst", "success", "lift", "time_s", "spl")
-
-_NOTES = (
-    "Score: mean over cases of q = S (1 - 0.5 t / T), halved for each false declaration, 0 after a collision; worst "
-    "quarter: the same over the cases in which it is worst.",
-    "Intervals are 95 %.",
-    "Highest score first. Rank: the best and the worst place that an entry may have, by how many beat it and how many "
-    "it beats; all pairs are compared in one family, so that equal entries all share the first rank in 95 % of "
-    "comparisons.",
-)
-
-Table = Iterable[Sequence[Any]]
-Leaderboard = tuple[list[str], list[list[str]]]
-"""Headings and rows of text."""
 
 
 def write_tables(analysis: Analysis, folder: Path) -> None:

@@ -22,6 +22,11 @@ N_DRAWS = 2000
 
 Seed = int | np.random.Generator
 """A seed, or a generator to go on drawing from."""
+# Rows times draws held at once: 32 MB of indices.
+_CHUNK_ENTRIES = 4_000_000
+# A report asks for the same draws hundreds of times: of each method, by each figure that has a value in each trial.
+_MAX_CACHE_BYTES = 80_000_000
+_draw_cache: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
 
 
 @dataclass(frozen=True)
@@ -112,10 +117,6 @@ def check_same_length(**arrays: np.ndarray) -> None:
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise ShapeError(f"expected arrays of one length, had {listed}. Give one value per trial in each.")
-
-
-# Rows times draws held at once: 32 MB of indices.
-_CHUNK_ENTRIES = 4_000_000
 
 
 def bootstrap(
@@ -252,11 +253,6 @@ def _groups(
     stratum = _joined(stratum, cluster)
     rows_of = _members(cluster)
     return [[rows_of[c] for c in np.unique(cluster[rows])] for rows in _members(stratum)]
-
-
-# A report asks for the same draws hundreds of times: of each method, by each figure that has a value in each trial.
-_MAX_CACHE_BYTES = 80_000_000
-_draw_cache: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
 
 
 def _draw_cached(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[np.ndarray]:

@@ -41,6 +41,10 @@ REPETITIONS = 10
 """Default number of flights of a single scenario; a suite states its own."""
 
 _ENDINGS = (".yaml", ".yml")
+DEFAULT = "default"
+"""Name, in tuning, of the method with the parameters it was entered with."""
+_PART = "parameters."
+_DIGITS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,10 +180,6 @@ def _as_name(text: str) -> str:
     return (word if word[:1].isalpha() else f"entry_{word}")[:MAX_NAME_LENGTH].rstrip("_")
 
 
-DEFAULT = "default"
-"""Name, in tuning, of the method with the parameters it was entered with."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Setting:
     """Values of parameters under a name, which is that of an entry."""
@@ -300,10 +300,6 @@ def with_disjoint_seeds(
         if collect_seeds(found).isdisjoint(taken):
             return found
     raise AssertionError("counting does not end")
-
-
-_PART = "parameters."
-_DIGITS = 4
 
 
 @dataclass(frozen=True, kw_only=True)

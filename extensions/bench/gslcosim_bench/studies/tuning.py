@@ -36,6 +36,13 @@ from gslcosim_bench.studies.target import (
     with_disjoint_seeds,
 )
 
+STUDY_NAME = "tuning"
+BATCH = 4
+"""Settings that are asked for at once, whatever the number of workers: it is part of the result."""
+SIGNIFICANT = 0.05
+"""p below which the best setting is said to differ from the default."""
+TRAINING, VALIDATION, STUDY_LOG = "training", "validation", "study.log"
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationPlan:
@@ -146,9 +153,6 @@ def run_settings(runner: StudyRunner, evaluation: EvaluationPlan, settings: Sequ
     for trial, row in zip(wanted, runner.run(plan, wanted), strict=True):
         found[trial.entry].append(row)
     return found
-
-
-STUDY_NAME = "tuning"
 
 
 class OptunaSearch:
@@ -262,15 +266,6 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
             f"both with {k} flights each; was {flights}. Give more, or fewer --flights-per-setting."
         )
     return budget
-
-
-BATCH = 4
-"""Settings that are asked for at once, whatever the number of workers: it is part of the result."""
-
-SIGNIFICANT = 0.05
-"""p below which the best setting is said to differ from the default."""
-
-TRAINING, VALIDATION, STUDY_LOG = "training", "validation", "study.log"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,8 @@ from gslcosim_data.streams import RecordedSlices
 
 _START, _FIRST_GAS, _DECLARED = "start", "first gas", "declared"
 _TIME_MARK_S = 10.0
+_ARROWS_PER_SIDE = 18
+_DECADES = 3
 
 
 def plan(axes: Any, run: RunData) -> None:
@@ -241,10 +243,6 @@ def _fill_cells(axes: Any, cells: NDArray[np.bool_], extent: Extent, color: str,
     rgba = np.zeros((*cells.T.shape, 4))
     rgba[cells.T] = part_of_matplotlib("colors").to_rgba(color)
     axes.imshow(rgba, origin="lower", extent=extent, interpolation="none", zorder=zorder)
-
-
-_ARROWS_PER_SIDE = 18
-_DECADES = 3
 
 
 def wind_section(axes: Any, run: RunData, *, normal: Literal["y", "z"] = "z", time_s: float = 0.0) -> Any:

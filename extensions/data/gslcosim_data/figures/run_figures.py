@@ -31,6 +31,14 @@ Floats = NDArray[np.float64]
 Curves = Sequence[tuple[Floats, Floats]]
 _N_TIMES = 201
 _MOST_THIN_LINES = 40
+_N_BELIEFS = 4
+# Of a figure without one axis for all: below it there is room for a legend of this many entries a line.
+_LEGEND_COLUMNS = {1: 2, 2: 5}
+SEVERAL_FIGURES: Mapping[str, str] = {
+    "track": "tracks over plan and gas of the first run",
+    "distance": "distances over time as a bundle with median and band, for each method",
+}
+"""Figures of several runs, by name."""
 
 
 def distance(axes: Any, run: RunData) -> None:
@@ -136,11 +144,6 @@ def _time_axis(axes: Any, run: RunData, label: str) -> None:
     axes.set(xlim=(0, end_s), xlabel="time [s]", ylabel=label)
     axes.set_ylim(bottom=min(0, axes.get_ylim()[0]) if "reported" not in label else None)
     axes.grid(lw=0.3, color=FAINT, alpha=0.4)
-
-
-_N_BELIEFS = 4
-# Of a figure without one axis for all: below it there is room for a legend of this many entries a line.
-_LEGEND_COLUMNS = {1: 2, 2: 5}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -363,9 +366,3 @@ RUN_FIGURES: Mapping[str, RunFigure] = {
     ),
 }  # fmt: skip
 """Figures of one run, by name."""
-
-SEVERAL_FIGURES: Mapping[str, str] = {
-    "track": "tracks over plan and gas of the first run",
-    "distance": "distances over time as a bundle with median and band, for each method",
-}
-"""Figures of several runs, by name."""

@@ -18,6 +18,25 @@ from gslcosim.base.files import replace_file
 _SVG = "{http://www.w3.org/2000/svg}"
 _LIMITS = re.compile(r"limits (\S+) (\S+) (\S+) (\S+)")
 _PAIR = re.compile(r"[ML] (\S+) (\S+)")
+OKABE_ITO = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800")
+"""Colours that nearly everybody tells apart (Okabe and Ito 2008), in the report's order; yellow is darker."""
+DASHES = ("-", (0, (5, 2)), (0, (1, 2)), (0, (6, 2, 1, 2)))
+"""Line styles: what colours do not tell in grey print, these do."""
+INK, FAINT, SOLID, BELOW = "#1c1d20", "#85878c", "#8d929c", "#dcdfe4"
+SOURCE = "#a51c30"
+BELIEF_MAP, SPEED_MAP = "PuBu", "Greys"
+"""Colour maps; each becomes darker with every step, in grey print too."""
+WIDTHS_IN = {1: 3.5, 2: 7.16}
+"""Widths of figures over one and two columns of a paper [inch]."""
+FORMATS = ("pdf", "svg", "png")
+DOTS_PER_INCH = 300
+STYLE = {
+    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "lines.linewidth": 1.2,
+    "legend.frameon": False, "svg.hashsalt": "gslcosim", "svg.fonttype": "none", "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+}  # fmt: skip
+# Every point of the data is in the file: points are read back from SVG.
+_EXACT = {"path.simplify": False, "agg.path.chunksize": 0, "axes.titlesize": 8, "legend.fontsize": 7}
 
 
 def write_axis_limits(figure: Any) -> None:
@@ -69,32 +88,6 @@ def _drawn(group: ElementTree.Element) -> NDArray[np.float64]:
         if pairs:
             return np.array(pairs)
     return np.zeros((0, 2))
-
-
-OKABE_ITO = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800")
-"""Colours that nearly everybody tells apart (Okabe and Ito 2008), in the report's order; yellow is darker."""
-
-DASHES = ("-", (0, (5, 2)), (0, (1, 2)), (0, (6, 2, 1, 2)))
-"""Line styles: what colours do not tell in grey print, these do."""
-
-INK, FAINT, SOLID, BELOW = "#1c1d20", "#85878c", "#8d929c", "#dcdfe4"
-SOURCE = "#a51c30"
-BELIEF_MAP, SPEED_MAP = "PuBu", "Greys"
-"""Colour maps; each becomes darker with every step, in grey print too."""
-
-WIDTHS_IN = {1: 3.5, 2: 7.16}
-"""Widths of figures over one and two columns of a paper [inch]."""
-
-FORMATS = ("pdf", "svg", "png")
-DOTS_PER_INCH = 300
-
-STYLE = {
-    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "lines.linewidth": 1.2,
-    "legend.frameon": False, "svg.hashsalt": "gslcosim", "svg.fonttype": "none", "pdf.fonttype": 42,
-    "figure.constrained_layout.use": True,
-}  # fmt: skip
-# Every point of the data is in the file: points are read back from SVG.
-_EXACT = {"path.simplify": False, "agg.path.chunksize": 0, "axes.titlesize": 8, "legend.fontsize": 7}
 
 
 def get_line_style(i: int) -> dict[str, Any]:

@@ -55,6 +55,10 @@ from gslcosim_training.batch.free_space import (
 )
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
+_TO_POINT = False
+# Vehicles of a batch have no setpoints, do not fail, and have left the ground when they get their first task.
+_NEVER = False
+
 
 @reference_free_njit()
 def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
@@ -102,11 +106,6 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
         a_x, a_y = f[0] + d_x / vehicle.mass_kg, f[1] + d_y / vehicle.mass_kg
         a_z = f[2] - vehicle.gravity_m_s2 + d_z / vehicle.mass_kg
         advance_point_inplace(p, v, a_x, a_y, a_z, dt_s)
-
-
-_TO_POINT = False
-# Vehicles of a batch have no setpoints, do not fail, and have left the ground when they get their first task.
-_NEVER = False
 
 
 @reference_free_njit()

@@ -49,6 +49,10 @@ from gslcosim_training.rewards import REWARDS, SUCCESS
 from gslcosim_training.search_env import build_action_space
 
 BATCHED_ACTIONS = ("velocity", "velocity_3d", "waypoint", "waypoint_3d", "heading")
+_N_DRAWN = 2**32
+_MOST_SEED = 2**31
+# Searches that a thread takes at a time: few enough that all threads end together.
+_CHUNK = 256
 
 
 class BatchActions:
@@ -126,9 +130,6 @@ class BatchActions:
             self.vectors[:, 2] = heights_m
 
 
-_N_DRAWN = 2**32
-
-
 def cumulate_case_fractions(weights: Any, n_cases: int) -> NDArray[np.float64] | None:
     """Return the shares of cases, summed up, (n_cases,); nothing where all come equally often.
 
@@ -166,10 +167,6 @@ try:
     from gymnasium.vector.utils import batch_space
 except ImportError as error:  # an extra
     raise UsageError(f"gymnasium: expected the package, found none. Install it with: {REMEDY}") from error
-
-_MOST_SEED = 2**31
-# Searches that a thread takes at a time: few enough that all threads end together.
-_CHUNK = 256
 
 
 class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):

@@ -64,6 +64,9 @@ from gslcosim_training.batch.scalar_compilation import (
 _BLOCK_M = 0.5
 # What rounding may add to a vehicle's reach [m].
 _ROUNDING_M = 1e-6
+ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
+# Edge of the columns into which filaments are sorted [m].
+_COLUMN_M = 1.0
 
 
 @dataclass
@@ -136,9 +139,6 @@ def _near(
     first = np.zeros(n_blocks + 1, np.int32)
     first[1:] = np.cumsum(np.bincount(all_blocks, minlength=n_blocks))
     return first, np.ascontiguousarray(all_members[order]), shape
-
-
-ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
 
 
 class BatchInstruments:
@@ -279,10 +279,6 @@ def _compile(find_address: Callable[[Any], int], kernel: Any, kind: SensorKind) 
             f"sensor {kind.name}: expected a scalar kernel that can be compiled, was {kernel.__module__}."
             f"{kernel.__qualname__}. See gslcosim.base.scalar_kernels for what may stand in it.\n{error}"
         ) from error
-
-
-# Edge of the columns into which filaments are sorted [m].
-_COLUMN_M = 1.0
 
 
 class BatchGas:

@@ -36,6 +36,13 @@ from gslcosim_services.world.vehicle_records import STATE
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
 _SPLIT = 134217729.0  # 2^27 + 1
+_SOLID = 1
+# What rounding may move a place by.
+_ROUNDING_M = 1e-6
+_TO_VELOCITY = True
+# What rounding may add, and a stop that no search looks at.
+_HAIR = 1.0 + 1e-9
+_FAR_TOO_LONG_S = 1000.0
 
 
 @reference_free_njit(inline="always")
@@ -89,11 +96,6 @@ def norm2(x, y):
         extensions/training/tests/unit/batch/test_distances.py
     """
     return norm3(x, y, 0.0)
-
-
-_SOLID = 1
-# What rounding may move a place by.
-_ROUNDING_M = 1e-6
 
 
 @intrinsic
@@ -300,12 +302,6 @@ def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     wind = array_at(room.wind + frame * nx * ny * nz * 12, (nx, ny, nz, 3), np.float32)
     origin_m = (room.origin_m[0], room.origin_m[1], room.origin_m[2])
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)
-
-
-_TO_VELOCITY = True
-# What rounding may add, and a stop that no search looks at.
-_HAIR = 1.0 + 1e-9
-_FAR_TOO_LONG_S = 1000.0
 
 
 @reference_free_njit()

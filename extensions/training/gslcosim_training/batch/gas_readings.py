@@ -17,6 +17,8 @@ from gslcosim_training.batch.plume_kernels import distances_along_and_across, pl
 from gslcosim_training.batch.random_streams import next_normal_inplace, seed_inplace
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
+_ONE = np.uint64(1)
+
 
 @reference_free_njit()
 def begin_paths_inplace(wanders, memory, case, names, seed):
@@ -89,9 +91,6 @@ def meandering_ppm(plume, i_plume, wanders, memory, case, tick, x_m, y_m, z_m):
     aside_m = wander * sigma_y_m * _path_at(memory, case, first_y, left_s)
     rise_m = wander * sigma_z_m * _path_at(memory, case, first_z, left_s)
     return plume_ppm(plume, along_m, across_m - aside_m, z_m, rise_m, f * sigma_y_m, f * sigma_z_m)
-
-
-_ONE = np.uint64(1)
 
 
 @reference_free_njit()

@@ -22,6 +22,18 @@ from gslcosim_formats.gaussian_plume import OPEN_COUNTRY, FormulaGasSpec, build_
 from gslcosim_services.fields.gas_setup import GasSetup
 
 _INT64 = ir.IntType(64)
+# One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
+PLUME_RECORD = np.dtype(
+    [
+        ("position_world_m", np.float64, (3,)),
+        ("release_m3_s", np.float64),
+        ("speed_m_s", np.float64),
+        ("along", np.float64, (2,)),  # unit vector of the wind
+        ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
+        ("has_ground", np.int64),
+        ("gas", np.int64),  # which of the scenario's gases
+    ]
+)
 
 
 # The head of numpy's PyUFuncObject, which is part of its C interface.
@@ -104,20 +116,6 @@ def numpy_power(typingctx, x, y):
         return _call_loop(builder, "numpy_power_loop", arguments)
 
     return types.float64(types.float64, types.float64), codegen
-
-
-# One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
-PLUME_RECORD = np.dtype(
-    [
-        ("position_world_m", np.float64, (3,)),
-        ("release_m3_s", np.float64),
-        ("speed_m_s", np.float64),
-        ("along", np.float64, (2,)),  # unit vector of the wind
-        ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
-        ("has_ground", np.int64),
-        ("gas", np.int64),  # which of the scenario's gases
-    ]
-)
 
 
 @numba.njit(cache=True, nogil=True)

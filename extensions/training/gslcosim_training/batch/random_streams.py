@@ -22,6 +22,12 @@ _INT32, _INT64, _DOUBLE, _POINTER = ir.IntType(32), ir.IntType(64), ir.DoubleTyp
 _NEXT_BITS = "numpy_pcg64_next_uint64"
 # The order of `bitgen_t`, whose `next_raw` PCG64 shares with `next_uint64`.
 _NEXT = (_NEXT_BITS, "numpy_pcg64_next_uint32", "numpy_pcg64_next_double", _NEXT_BITS)
+_U = np.uint64
+_ONE, _ZERO, _16, _32, _63 = _U(1), _U(0), _U(16), _U(32), _U(63)
+_LOW = _U(0xFFFFFFFF)
+_INIT_A, _MULTIPLIER_A = _U(0x43B0D7E5), _U(0x931E8875)
+_INIT_B, _MULTIPLIER_B = _U(0x8B51F9DD), _U(0x58F38DED)
+_MIX_LEFT, _MIX_RIGHT = _U(0xCA01F9DD), _U(0x4973F715)
 
 
 def _add_symbols() -> None:
@@ -93,14 +99,6 @@ def next_poisson_inplace(typingctx, stream, mean):
         return _emit_call(context, builder, "numpy_random_poisson", _INT64, signature.args[0], *arguments)
 
     return types.int64(stream, types.float64), codegen
-
-
-_U = np.uint64
-_ONE, _ZERO, _16, _32, _63 = _U(1), _U(0), _U(16), _U(32), _U(63)
-_LOW = _U(0xFFFFFFFF)
-_INIT_A, _MULTIPLIER_A = _U(0x43B0D7E5), _U(0x931E8875)
-_INIT_B, _MULTIPLIER_B = _U(0x8B51F9DD), _U(0x58F38DED)
-_MIX_LEFT, _MIX_RIGHT = _U(0xCA01F9DD), _U(0x4973F715)
 
 
 @reference_free_njit(inline="always")

@@ -16,6 +16,7 @@ COUNTING_VARIABLE = "GSLCOSIM_COUNT_REFERENCES"
 # The option is numba's own and not documented; a version without it counts.
 COUNTS_REFERENCES = COUNTING_VARIABLE in os.environ or not hasattr(cpu.CPUTargetOptions, "_nrt")
 REFERENCE_FREE: dict[str, Any] = {} if COUNTS_REFERENCES else {"_nrt": False}
+_registered: set[Callable[..., Any]] = set()
 
 
 def reference_free_njit(**options: Any) -> Any:
@@ -33,9 +34,6 @@ def reference_free_njit(**options: Any) -> Any:
     """
     register_scalar_kernels()
     return numba.njit(cache=True, nogil=True, **REFERENCE_FREE, **options)
-
-
-_registered: set[Callable[..., Any]] = set()
 
 
 def register_scalar_kernels() -> None:

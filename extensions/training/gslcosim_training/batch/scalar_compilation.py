@@ -20,6 +20,12 @@ from gslcosim_training.batch.free_space import array_at, norm2, norm3
 from gslcosim_training.batch.random_streams import next_normal_inplace, next_poisson_inplace
 from gslcosim_training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
 
+_ADDRESS = types.intp
+_ADVANCE = _ADDRESS(*(_ADDRESS,) * 10)
+_ESTIMATE = _ADDRESS(*(_ADDRESS,) * 5)
+_ENCODE = _ADDRESS(*(_ADDRESS,) * 4)
+_OWN_PACKAGES = ("gslcosim.", "gslcosim_services.")
+
 
 # Compiled, the functions that scalar kernels share are these.
 @overload(scalar_kernels.norm2)
@@ -40,13 +46,6 @@ def _overload_next_normal(stream):
 @overload(scalar_kernels.next_poisson)
 def _overload_next_poisson(stream, mean):
     return lambda stream, mean: next_poisson_inplace(stream, mean)
-
-
-_ADDRESS = types.intp
-_ADVANCE = _ADDRESS(*(_ADDRESS,) * 10)
-_ESTIMATE = _ADDRESS(*(_ADDRESS,) * 5)
-_ENCODE = _ADDRESS(*(_ADDRESS,) * 4)
-_OWN_PACKAGES = ("gslcosim.", "gslcosim_services.")
 
 
 def find_advance_address(kernel: Callable[..., Any]) -> int:

@@ -32,6 +32,14 @@ from gslcosim_search.learned.recurrent_networks import CtrnnPolicy
 from gslcosim_training.trainers.search_pool import SearchPool
 from gslcosim_training.trainers.trainer import CtrnnSettings, MethodSettings, Weights, check_state, run_searches
 
+# What a number of 1 in the genome makes of weights, biases, and powers of e in time constants.
+_WEIGHT, _INPUT, _BIAS = 2.0, 4.0, 1.0
+# Of a case's mean cost: the last generation counts a half.
+_NEWEST = 0.5
+# Time constants are e times the time of a step to begin with.
+_MOST_LOG_TAU = 5.0
+_DIGITS = 4
+
 
 class Evolution:
     """A population whose distribution moves to where costs are low: equal costs, equal generations.
@@ -116,14 +124,6 @@ def _load_cma() -> Any:
             "trainer: expected pycma, which evolves, was none. Install it: pip install 'gslcosim-training[train]'"
         ) from error
     return cma
-
-
-# What a number of 1 in the genome makes of weights, biases, and powers of e in time constants.
-_WEIGHT, _INPUT, _BIAS = 2.0, 4.0, 1.0
-# Of a case's mean cost: the last generation counts a half.
-_NEWEST = 0.5
-# Time constants are e times the time of a step to begin with.
-_MOST_LOG_TAU = 5.0
 
 
 class EvolvedCtrnn:
@@ -274,9 +274,6 @@ def compute_rows(family: str, cases: Sequence[LoadedScenario], entry: EntrySpec)
     """Return a row for the flight of a method in each case, in their order; see `CaseRun.row`."""
     rooms = EnvironmentCache()
     return [CaseRun(family=family, case=case, entry=entry).row(rooms) for case in cases]
-
-
-_DIGITS = 4
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,17 @@ Arrays = dict[str, Any]
 _ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 # Of an array that begins as small as if it were not there: then every action is as likely as its opposite.
 _SMALL = 0.01
+# The observation that says that the last command was refused or changed.
+REFUSED = "refused"
+# The outcome of a search that has ended by a collision.
+COLLISION = "collision"
+_OF_VALUES = ("value", "value_bias", "log_spread")
+# Settings by what they allow: whole numbers from 1, numbers above 0 and up to 1, numbers from 0.
+_WHOLE_SETTINGS = ("rounds", "horizon", "segments", "epochs", "parts", "n_encoded", "n_units")
+_SHARE_SETTINGS = ("learning_rate", "discount", "trace", "clip")
+_COST_SETTINGS = (
+    "entropy_weight", "value_weight", "max_gradient", "refused_cost", "collision_cost", "flown_spread",
+)  # fmt: skip
 
 
 def load_jax() -> tuple[Any, Any]:
@@ -179,19 +190,6 @@ def build_update(
         return forward(jax, arrays, observed, starts, memory)[1]
 
     return optimiser.init, values_of, update
-
-
-# The observation that says that the last command was refused or changed.
-REFUSED = "refused"
-# The outcome of a search that has ended by a collision.
-COLLISION = "collision"
-_OF_VALUES = ("value", "value_bias", "log_spread")
-# Settings by what they allow: whole numbers from 1, numbers above 0 and up to 1, numbers from 0.
-_WHOLE_SETTINGS = ("rounds", "horizon", "segments", "epochs", "parts", "n_encoded", "n_units")
-_SHARE_SETTINGS = ("learning_rate", "discount", "trace", "clip")
-_COST_SETTINGS = (
-    "entropy_weight", "value_weight", "max_gradient", "refused_cost", "collision_cost", "flown_spread",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

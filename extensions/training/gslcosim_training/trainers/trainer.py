@@ -12,6 +12,16 @@ from gslcosim.base.errors import UsageError
 from gslcosim.scenario.models.base import NonNegative, Positive, Spec
 from gslcosim_search.learned.policy import Policy
 
+_Count = Annotated[int, Field(ge=1, le=1_000_000)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+_SEEN = ("nose_ppm.amount", "wind.from_sin", "wind.from_cos", "x", "y", "refused")
+_Names = Annotated[tuple[str, ...], Field(min_length=1)]
+# From mean costs of cases, NaN where not flown, to how often each comes; see `Family.weights`.
+Weights = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+# Of a case's mean cost: the newest search counts a half.
+_NEWEST = 0.5
+_NEEDED = ("case", "success", "time_s", "distance_to_source_m")
+
 
 class Trainer(Protocol):
     """Learns in rounds. Nothing but what `state`` holds goes from one round into the next."""
@@ -49,12 +59,6 @@ def check_state(state: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[in
                 f"checkpoint: {name}: expected an array of shape ({wanted}), was "
                 f"{'none' if found is None else found}. Take the settings that it was made with."
             )
-
-
-_Count = Annotated[int, Field(ge=1, le=1_000_000)]
-_Share = Annotated[float, Field(ge=0, le=1)]
-_SEEN = ("nose_ppm.amount", "wind.from_sin", "wind.from_cos", "x", "y", "refused")
-_Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 class CtrnnSettings(Spec):
@@ -182,13 +186,6 @@ def run_searches(
             distance_m[ends] = np.asarray(infos["distance_to_source_m"])[ends]
             is_over |= ends
     return SearchOutcomes(success=success, time_s=time_s, distance_m=distance_m, n_steps=n_steps)
-
-
-# From mean costs of cases, NaN where not flown, to how often each comes; see `Family.weights`.
-Weights = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-# Of a case's mean cost: the newest search counts a half.
-_NEWEST = 0.5
-_NEEDED = ("case", "success", "time_s", "distance_to_source_m")
 
 
 class Curriculum:

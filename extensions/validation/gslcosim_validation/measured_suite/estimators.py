@@ -30,6 +30,8 @@ _AREA_MARGIN_M = 20.0
 _PARTICLES = 700
 _THRESHOLD_PPM = 0.2
 _RATE_PPM_M3_S = (1.0, 1e6)
+FLOOR = "nearest_sensor"
+"""The entry that bounds the others from above, as the random walker does in flown suites."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,9 +254,6 @@ def is_room(site: LogSite) -> bool:
     """Return whether a log has point sensors and a source that is open all the time."""
     return site.has_points and not site.finds_events
 
-
-FLOOR = "nearest_sensor"
-"""The entry that bounds the others from above, as the random walker does in flown suites."""
 
 ENTRIES = (
     Entry(

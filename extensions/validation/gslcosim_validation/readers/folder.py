@@ -17,6 +17,16 @@ from gslcosim_validation.readers.room_profiles import read_room_profiles
 from gslcosim_validation.readers.room_sensors import read_room_sensors
 
 T = TypeVar("T")
+PUBLISHED = "published.json"
+# SHA-256 of the table of releases, cases or experiments of each campaign about which figures were published.
+_CAMPAIGNS = {
+    "ad4c7c8fdc1f5ef738c451aaa1346d47a45ce9c213686400658b5237168a3a09": "metec",
+    "ec240a101a05f76a3b3134835272c613c8dd1ee5b7402d0435c1099f64465d2e": "stanford",
+    "5d010ca6391625e575f25dde6cf8dc8ff0ef4bd14b1f5b690801101891e914e1": "chilbolton",
+    "3baa5d8bed87d902444e308d618b10490e5cf106a2b2b23c4b674aa7e2ba564c": "nist_helium",
+    "0a3ea84d8155e288eece2250176da7bfda985a11b4b9fe288bd52409726ad685": "orebro",
+}
+_CAMPAIGN_TABLES = ("releases.csv", "cases.csv", "experiments.csv")
 
 
 @dataclass(frozen=True)
@@ -37,16 +47,6 @@ FORMATS = (
     Format("mast_network", ("site.json", "minutes.csv*", "releases.csv"), read_mast_network),
     Format("roof_tracer", ("wind_10hz.csv*", "upwind_1hz.csv*", "downwind_1hz.csv*"), read_roof_tracer),
 )
-PUBLISHED = "published.json"
-# SHA-256 of the table of releases, cases or experiments of each campaign about which figures were published.
-_CAMPAIGNS = {
-    "ad4c7c8fdc1f5ef738c451aaa1346d47a45ce9c213686400658b5237168a3a09": "metec",
-    "ec240a101a05f76a3b3134835272c613c8dd1ee5b7402d0435c1099f64465d2e": "stanford",
-    "5d010ca6391625e575f25dde6cf8dc8ff0ef4bd14b1f5b690801101891e914e1": "chilbolton",
-    "3baa5d8bed87d902444e308d618b10490e5cf106a2b2b23c4b674aa7e2ba564c": "nist_helium",
-    "0a3ea84d8155e288eece2250176da7bfda985a11b4b9fe288bd52409726ad685": "orebro",
-}
-_CAMPAIGN_TABLES = ("releases.csv", "cases.csv", "experiments.csv")
 
 
 @dataclass(frozen=True)

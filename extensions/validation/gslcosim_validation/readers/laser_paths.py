@@ -10,6 +10,9 @@ from gslcosim.base.quantities import Vec3
 from gslcosim_validation.readers.columns import Columns, build_error, read_columns
 from gslcosim_validation.readers.documents import Document, read_document
 
+# Wind directions scatter by no more than this.
+_MAX_TAN_GAMMA = 10.0
+
 
 @dataclass(frozen=True)
 class LaserMinutes:
@@ -47,10 +50,6 @@ class LaserPaths:
     instrument_m: Vec3
     reflectors_m: NDArray[np.float64]
     sources: tuple[LaserMinutes, ...]
-
-
-# Wind directions scatter by no more than this.
-_MAX_TAN_GAMMA = 10.0
 
 
 def read_laser_paths(folder: Path) -> LaserPaths:

@@ -20,6 +20,13 @@ HOME = Path(_SCRATCH, "home")
 KERNELS = Path(_SCRATCH, "kernels")
 # Bubblewrap takes 9000 words in all; kernels beyond these are compiled again.
 _MAX_LINKS = 2000
+_BASE_OPTIONS = (
+    "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
+    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
+    # An agent that runs as root could change settings of the machine there.
+    "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
+    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", _SCRATCH,
+)  # fmt: skip
 
 
 @cache
@@ -119,12 +126,3 @@ def _list_system_links() -> list[str]:
         if Path(folder).is_symlink():
             line += ["--symlink", os.readlink(folder), folder]  # noqa: PTH115 - as it stands
     return line
-
-
-_BASE_OPTIONS = (
-    "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
-    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
-    # An agent that runs as root could change settings of the machine there.
-    "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
-    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", _SCRATCH,
-)  # fmt: skip

@@ -27,23 +27,10 @@ _PR_CAPBSET_DROP, _PR_SET_SECUREBITS = 24, 28
 _SECURE_BITS = 0b1110_1111
 _VERSION = 0x20080522
 _MAX_CAPABILITIES = 64
-
-
-def give_up_capabilities() -> None:
-    """Give up all capabilities; without effect in a process that has none."""
-    library = ctypes.CDLL(None, use_errno=True)
-    # These two calls need capabilities, and matter only in a process that has them.
-    library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
-    for capability in range(_MAX_CAPABILITIES):
-        library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
-    _check_result(library.capset(struct.pack("<Ii", _VERSION, 0), bytes(24)), "capabilities")
-
-
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _VERSION_FLAG = 1
 _PATH_BENEATH, _NET_PORT = 1, 2
 _PR_SET_NO_NEW_PRIVS = 38
-
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 MAKE_SOCKET, TRUNCATE, IOCTL_DEV = 1 << 9, 1 << 14, 1 << 15
 READ = EXECUTE | READ_FILE | READ_DIR
@@ -59,6 +46,38 @@ _CLOSED_SINCE = (
 )
 _BIND_AND_CONNECT, _CONNECT = 3, 2
 _ABSTRACT_SOCKETS_AND_SIGNALS = 3
+_PR_SET_SECCOMP, _MODE_FILTER = 22, 2
+_LOAD, _EQUAL, _AT_LEAST, _HAS_ANY_BIT, _AND, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06
+_ALLOW, _FAIL = 0x7FFF0000, 0x00050000
+_REFUSE, _PASS_OVER, _LACK = _FAIL | errno.EPERM, _FAIL, _FAIL | errno.ENOSYS
+# Where the filter finds the number, the architecture, and the lower halves of four of the six arguments.
+_NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD, _SIXTH = 0, 4, 16, 24, 32, 56
+_UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
+_STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
+_X32 = 0x40000000
+# Commands of fcntl that inform a process of others' use of a file (leases, changes in a folder), or that
+# leave a hint on it that others can read (F_SET_RW_HINT, F_SET_FILE_RW_HINT).
+_FCNTL_COMMANDS = (1024, 1026, 1036, 1038)
+# Commands of ioctl that leave traces on a file open for reading, with no check but that of ownership:
+# FS_IOC_SETFLAGS, FS_IOC_SETVERSION and EXT4_IOC_SETVERSION, those of 32 bits, FS_IOC_FSSETXATTR,
+# FS_IOC_ENABLE_VERITY, FS_IOC_ADD_ENCRYPTION_KEY; and EXT4_IOC_CLEAR_ES_CACHE, EXT4_IOC_PRECACHE_EXTENTS.
+_IOCTL_COMMANDS = (
+    0x40086602, 0x40087602, 0x40086604, 0x40046602, 0x40047602, 0x401C5820, 0x40806685, 0xC0506617, 0x6628, 0x6612,
+)  # fmt: skip
+# MADV_COLD, MADV_PAGEOUT.
+_EVICTING_ADVICE = (20, 21)
+# RWF_NOWAIT, with which a read reveals whether it would have to wait for the disk, and RWF_DONTCACHE.
+_CACHE_FLAGS = 0x08 | 0x80
+
+
+def give_up_capabilities() -> None:
+    """Give up all capabilities; without effect in a process that has none."""
+    library = ctypes.CDLL(None, use_errno=True)
+    # These two calls need capabilities, and matter only in a process that has them.
+    library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
+    for capability in range(_MAX_CAPABILITIES):
+        library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
+    _check_result(library.capset(struct.pack("<Ii", _VERSION, 0), bytes(24)), "capabilities")
 
 
 def read_landlock_version() -> int:
@@ -146,30 +165,6 @@ def _check_result(result: int, what: str = "Landlock") -> int:
         code = ctypes.get_errno()
         raise OSError(code, f"{what}: {os.strerror(code)}")
     return result
-
-
-_PR_SET_SECCOMP, _MODE_FILTER = 22, 2
-_LOAD, _EQUAL, _AT_LEAST, _HAS_ANY_BIT, _AND, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06
-_ALLOW, _FAIL = 0x7FFF0000, 0x00050000
-_REFUSE, _PASS_OVER, _LACK = _FAIL | errno.EPERM, _FAIL, _FAIL | errno.ENOSYS
-# Where the filter finds the number, the architecture, and the lower halves of four of the six arguments.
-_NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD, _SIXTH = 0, 4, 16, 24, 32, 56
-_UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
-_STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
-_X32 = 0x40000000
-# Commands of fcntl that inform a process of others' use of a file (leases, changes in a folder), or that
-# leave a hint on it that others can read (F_SET_RW_HINT, F_SET_FILE_RW_HINT).
-_FCNTL_COMMANDS = (1024, 1026, 1036, 1038)
-# Commands of ioctl that leave traces on a file open for reading, with no check but that of ownership:
-# FS_IOC_SETFLAGS, FS_IOC_SETVERSION and EXT4_IOC_SETVERSION, those of 32 bits, FS_IOC_FSSETXATTR,
-# FS_IOC_ENABLE_VERITY, FS_IOC_ADD_ENCRYPTION_KEY; and EXT4_IOC_CLEAR_ES_CACHE, EXT4_IOC_PRECACHE_EXTENTS.
-_IOCTL_COMMANDS = (
-    0x40086602, 0x40087602, 0x40086604, 0x40046602, 0x40047602, 0x401C5820, 0x40806685, 0xC0506617, 0x6628, 0x6612,
-)  # fmt: skip
-# MADV_COLD, MADV_PAGEOUT.
-_EVICTING_ADVICE = (20, 21)
-# RWF_NOWAIT, with which a read reveals whether it would have to wait for the disk, and RWF_DONTCACHE.
-_CACHE_FLAGS = 0x08 | 0x80
 
 
 class _Numbers(NamedTuple):
