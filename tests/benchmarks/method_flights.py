@@ -32,7 +32,6 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, MethodCard
 
 Place = tuple[float, float, float]

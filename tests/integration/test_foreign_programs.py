@@ -67,6 +67,7 @@ def test_over_every_transport_each_step_has_its_answer(core_of, door):
 
 
 def test_it_goes_on_at_a_snapshot_where_it_was(core_of):
+    """Its past is played to a new start of it: what it counts goes on, as if it had never ended."""
     first = core_of(fault="counts", snapshots=True)
     whole = flown(first, n_ticks=6)
     later = core_of(fault="counts", snapshots=True)
@@ -105,6 +106,7 @@ def test_between_its_steps_it_is_not_asked(core_of):
         ("closes", f"{ANSWER}it closed its output."),
         ("garbage", f"{ANSWER}expected one JSON object a line, was 11 bytes starting 'hello world'"),
         ("wrong_tick", "ParticipantOutputs: tick: expected 3, that of the inputs, was 2."),
+        ("other_output", "ParticipantOutputs: outputs: expected state, as it declares, was gas."),
         ("nan", "ParticipantOutputs: outputs.state.level: expected a number or a truth value, was nan."),
         ("too_big", "expected a line of at most 1048576 bytes, was longer."),
         ("twice", "ParticipantOutputs: tick: expected 4, that of the inputs, was 3."),

@@ -39,6 +39,8 @@ def say(message):
 
 n_stepped = 0
 hello = {"tick": 0, "reads": ["truth/samples"], "writes": ["state"]}
+if FAULT == "wrong_reads":
+    hello["reads"] = ["truth/bodies"]
 if FAULT == "wrong_writes":
     hello["writes"] = ["state", "gas"]
 if FAULT == "unknown_port":
