@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import socket
+import tempfile
 import threading
 from pathlib import Path
 
@@ -445,10 +446,12 @@ class StatusSocket:
 
 
 @pytest.fixture
-def status_socket(monkeypatch, tmp_path):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    folder = get_status_folder()
-    folder.mkdir(mode=0o700)
-    opened = StatusSocket(folder / f"{os.getpid()}-a.flight")
-    yield opened
-    opened.close()
+def status_socket(monkeypatch):
+    # The path of a socket has at most 107 bytes, which folders of tests may have by themselves.
+    with tempfile.TemporaryDirectory() as scratch:
+        monkeypatch.setattr("tempfile.tempdir", scratch)
+        folder = get_status_folder()
+        folder.mkdir(mode=0o700)
+        opened = StatusSocket(folder / f"{os.getpid()}-a.flight")
+        yield opened
+        opened.close()

@@ -2,8 +2,10 @@ import math
 
 import pytest
 from built_messages import build_sample
-from surroundings import make_sensor
 
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import (
     MIN_RATIO,
     MOX_PARAMETERS,
@@ -14,6 +16,12 @@ from gslcosim_services.sensing.models.mox import (
 )
 
 STILL = (0.0, 0.0, 0.0)
+
+
+def build_nose(tick_s):
+    return SENSOR_MODELS["tgs2600_ideal"].build(
+        make_sensor_spec(model="tgs2600_ideal", name="nose"), tick_s, stream(1, "test")
+    )
 
 
 def steady_ohm(model, **ppm):
@@ -62,14 +70,19 @@ def test_a_mixture_lowers_the_resistance_by_the_sum_of_its_gases():
     assert steady_ohm("tgs2600", ethanol=1e3, methane=1e3) == pytest.approx(50000 * MIN_RATIO)
 
 
+def test_a_gas_without_figures_has_no_effect():
+    assert steady_ohm("tgs2600", neon=1e6) == 50000
+    assert MOX_PARAMETERS["tgs2600"].floor_ppm("neon") == math.inf
+
+
 def test_the_first_reading_is_that_of_clean_air():
-    sensor = make_sensor("tgs2600_ideal", name="nose")
+    sensor = build_nose(0.1)
     reading = sensor.read(build_sample(ethanol=50.0), STILL)
     assert (reading.sensor, reading.quantity, reading.unit, reading.values) == ("nose", "resistance", "ohm", (50000.0,))
 
 
 def test_decay_is_slower_than_rise():
-    sensor = make_sensor("tgs2600_ideal", name="nose")
+    sensor = build_nose(0.1)
     sensor.read(build_sample(), STILL)
     fall_ohm = 50000.0 - sensor.read(build_sample(ethanol=10.0), STILL).values[0]
     low_ohm = math.inf
@@ -81,7 +94,7 @@ def test_decay_is_slower_than_rise():
 
 
 def test_saturation_is_reported():
-    sensor = make_sensor("tgs2600_ideal", tick_s=1.0)
+    sensor = build_nose(1.0)
     readings = [sensor.read(build_sample(ethanol=1e8), STILL) for _ in range(300)]
     assert not readings[0].is_saturated
     assert readings[-1].is_saturated
