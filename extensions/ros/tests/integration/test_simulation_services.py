@@ -182,6 +182,9 @@ def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
         assert (status, code) == (GoalStatus.CANCELED, FAILED)
         assert text == f"It went {n_done} of 1000000 steps: it was canceled."
         goal_id = simulate(2**63)
+        # It has begun when feedback of it is there: a goal that begins after the reset goes on.
+        while told.get(timeout=PATIENCE_S).remaining_steps < 2**62:
+            pass
         assert call("reset_simulation", scope=0).result.result == OK
         status, _, text = wait_for_result(goal_id)
         assert (status, text.split(": ")[1]) == (GoalStatus.ABORTED, "another request has set the state.")
