@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -77,7 +78,9 @@ class Flight:
         deadline = time.monotonic() + limit_s
         while not is_true():
             assert self.process.poll() is None, self.process.communicate()
-            assert time.monotonic() < deadline, f"not within {limit_s} s"
+            if time.monotonic() > deadline:
+                self.process.send_signal(signal.SIGINT)
+                raise AssertionError(f"not within {limit_s} s: {self.process.communicate(timeout=limit_s)}")
             wait_a_moment()
 
     def abandon(self) -> None:

@@ -82,7 +82,7 @@ class Supervisor(LoopHost):
         self._departed_at_s: dict[str, float] = {}
         # The fault before which all others still have ticks to do.
         self._fault: ServiceFault | None = None
-        self._signalled_at_s = 0.0
+        self._signalled_at_s = self._asked_at_s = 0.0
 
     def listen(self) -> None:
         """Subscribe to services and agents."""
@@ -305,10 +305,13 @@ class Supervisor(LoopHost):
             return
         elif is_alive:
             self._watchdog.record_contact_regained(name)
-            question = protocol.build_description_key(name)
-            self._bus.ask(question, b"", lambda _, answer: self._put(question, answer))
+            self._ask_for_description(name)
         elif not self._restarts.is_under_way(name):
             self._watchdog.record_contact_lost(name, time.monotonic())
+
+    def _ask_for_description(self, name: str) -> None:
+        question = protocol.build_description_key(name)
+        self._bus.ask(question, b"", lambda _, answer: self._put(question, answer))
 
     def _on_description(self, payload: bytes) -> None:
         description = protocol.ParticipantDescription.from_bytes(payload)
@@ -383,8 +386,15 @@ class Supervisor(LoopHost):
 
     @override
     def _check_contact(self) -> None:
-        if (fault := self._watchdog.find_lost(time.monotonic())) is not None:
+        now_s = time.monotonic()
+        if (fault := self._watchdog.find_lost(now_s)) is not None:
             raise RunEndedError(fault)
+        # A service whose answer was lost would be waited for until the run times out.
+        if now_s - self._asked_at_s >= SIGNAL_PERIOD_S:
+            self._asked_at_s = now_s
+            for name in self._services:
+                if name not in self._described:
+                    self._ask_for_description(name)
 
     @override
     def _renew_deadlines(self) -> float:
