@@ -30,12 +30,17 @@ def events():
 
 
 @pytest.fixture
-def supervisor(loaded, events, tmp_path):
+def hub():
+    return InMemoryHub()
+
+
+@pytest.fixture
+def supervisor(loaded, events, tmp_path, hub):
     setup = build_setup(loaded, tmp_path)
     groups = group_services("separate", list_service_names(loaded.scenario))
     gateway = GatewayAgents(setup, loaded.directory, Network(), events.put)
     restarts = RestartPolicy(loaded.scenario, groups, lambda group, how: None)
-    return Supervisor(setup, InMemoryBus(InMemoryHub()), gateway, events, lambda status: None, groups, restarts)
+    return Supervisor(setup, InMemoryBus(hub), gateway, events, lambda status: None, groups, restarts)
 
 
 def fault_of(supervisor):
@@ -64,3 +69,13 @@ def test_a_service_that_says_nothing_is_named_by_how_it_ended(supervisor, events
     fault = fault_of(supervisor)
     assert fault.participant == "fields"
     assert fault.text.startswith(how)
+
+
+def test_a_service_whose_answer_is_lost_is_asked_again(supervisor, hub):
+    other = protocol.ParticipantDescription(name="world", version="0.0.0", contract_hash="0" * 32, pid=1, host="other")
+    answers = [[], [other.to_bytes()]]
+    InMemoryBus(hub).answer(protocol.build_description_key("world"), lambda _: answers.pop(0))
+    fault = fault_of(supervisor)
+    assert fault.participant == "world"
+    assert fault.text.startswith("expected contract")
+    assert not answers
