@@ -11,6 +11,7 @@ import re
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -175,10 +176,16 @@ def test_names_of_files_and_words_of_a_call_are_shown(tmp_path, monkeypatch, cap
         assert r"\x1b" in output.out + output.err
 
 
-def test_runs_of_others_are_listed(monkeypatch, tmp_path, capsys):
+@pytest.fixture
+def short_folder():
+    """The path of a socket has at most 107 bytes, which folders of tests may have by themselves."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield folder
+
+
+def test_runs_of_others_are_listed(monkeypatch, short_folder, capsys):
     """Whoever of the user listens in that folder is asked how its run goes."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr("tempfile.tempdir", short_folder)
     folder = get_status_folder()
     folder.mkdir()
     texts = dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "state", "text"), EVIL)
