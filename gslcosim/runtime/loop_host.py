@@ -59,7 +59,7 @@ class LoopHost(ABC):
             waited_s = time.monotonic() - began_s
             for name in lacking if waited_s > JOIN_TIMEOUT_S else ():
                 self._give_up(name)
-            self._check_contact()
+            self._check_joining()
             self._status_reporter.report_awaited(lacking, waited_s)
             self._handle_next()
 
@@ -81,8 +81,8 @@ class LoopHost(ABC):
         session = self._sessions[name]
         session.mark_lost(session.transport.describe_absence())
 
-    # Raises where contact to a participant is lost.
-    def _check_contact(self) -> None:
+    # Called while participants join; raises where contact to one is lost.
+    def _check_joining(self) -> None:
         return
 
     # Nothing was late while this process stood still; returns for how long it did [s].

@@ -385,7 +385,7 @@ class Supervisor(LoopHost):
         super()._give_up(name)
 
     @override
-    def _check_contact(self) -> None:
+    def _check_joining(self) -> None:
         now_s = time.monotonic()
         if (fault := self._watchdog.find_lost(now_s)) is not None:
             raise RunEndedError(fault)

@@ -172,7 +172,7 @@ def describe_entry(material: ReportData, entry: int, look: LineStyle) -> dict[st
 
 
 def describe_room(room: PlanDrawing) -> dict[str, Any]:
-    """Return a room as scripts read it; who calls says where its picture is (`href`)."""
+    """Return the fields of a room for scripts; the caller adds the address of its picture (`href`)."""
     picture, plan = room.picture, room.plan
     return {
         "scenario": room.scenario,

@@ -1,4 +1,4 @@
-"""Environment of templates: of pages, and of Markdown."""
+"""Jinja environment of the templates of pages and of Markdown files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,10 +10,10 @@ from gslcosim_data.text_tables import escape_markdown, format_code
 
 
 def build_environment(folders: Sequence[Path], *, is_html: bool = True) -> jinja2.Environment:
-    """Return the environment of some folders of templates, of which the first that has one counts.
+    """Return the Jinja environment of folders of templates; where several have a template, the first folder counts.
 
     Args:
-        is_html: Whether all that templates are given is escaped; in Markdown it is where a template has `md` or `code`.
+        is_html: Whether each value is escaped for HTML; Markdown templates escape by the filters `md` and `code`.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folders), autoescape=is_html, trim_blocks=True, lstrip_blocks=True,
