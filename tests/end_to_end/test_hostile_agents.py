@@ -53,7 +53,7 @@ def peak_memory_mb(runs_dir, start_by):
         while flight.process.poll() is None:
             try:
                 lines = [line for line in status.read_text().splitlines() if line.startswith("VmHWM")]
-            except FileNotFoundError:  # it has ended since
+            except OSError:  # it has ended since: no such file, or no such process while the file is open
                 return
             peaks_kb.extend(int(line.split()[1]) for line in lines)
             wait_a_moment()

@@ -67,8 +67,11 @@ def wait_until(is_true):
 # A thread that runs on another processor goes on for a moment.
 def is_stopped(pid):
     """Return whether no thread of a process runs any more."""
-    states = [path.read_text().rpartition(")")[2].split()[0] for path in Path(f"/proc/{pid}/task").glob("*/stat")]
-    return set(states) == {"T"}
+    try:
+        states = {path.read_text().rpartition(")")[2].split()[0] for path in Path(f"/proc/{pid}/task").glob("*/stat")}
+    except OSError:  # a thread has ended since the list was made
+        return False
+    return states == {"T"}
 
 
 # Zenoh gives up after 2 s as a peer, and after 10 s as a client.
