@@ -12,7 +12,7 @@ from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
 ROOT = Path(__file__).parents[4]
 FRAMED = ROOT / "tests" / "end_to_end" / "agents" / "framed.py"
-LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = SessionLimits(answer_s=300.0, exit_s=20.0)  # right agents answer and exit by themselves
 
 # The first test of a language builds it.
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]

@@ -9,7 +9,7 @@ from gslcosim.base.bundled import bundled_agents
 from gslcosim.runtime.agents.loader import build_program_command
 from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
-LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = SessionLimits(answer_s=300.0, exit_s=20.0)  # first answers may compile, and right agents exit by themselves
 # A check mostly waits: for processes to start, join and exit.
 N_AT_ONCE = 4
 
