@@ -16,9 +16,9 @@ PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check check-types check-style bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
+.PHONY: run test test-all check check-types check-style bench bench-agents bench-gas bench-wind bench-edits bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table bench-nightly crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check one-digest capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
 
-run: .venv/ready            # fly the quickstart
+run: .venv/ready .venv/compiled   # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
 
 # Needs pip and nothing else: what needs packages of Debian, or Python packages of many megabytes, is for test-all.
@@ -35,6 +35,7 @@ endif
 LEFT_OUT := not soak and (debian or extras or (not tour and (slow or end_to_end)))
 test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missing for a test is listed at the end
 	@tests/install_debian_packages.sh
+	@$(BIN)/gslcosim cache compile  # so that no test waits for a compilation
 	$(BIN)/pytest -q -n 2 -rs --dist loadscope --no-loadscope-reorder -m "not end_to_end and $(LEFT_OUT)"
 	$(BIN)/pytest -q -n 4 -rs --dist loadscope --no-loadscope-reorder -m "end_to_end and $(LEFT_OUT)"  # they wait for much of their time
 
@@ -48,7 +49,7 @@ check-style: .venv/ready-check
 	@set -e; for folder in $(dir $(wildcard extensions/*/pyproject.toml)); do (cd $$folder && ../../$(BIN)/deptry .); done
 
 bench: .venv/ready-test-all      # how fast it is on this machine
-	@set -e; for script in $(filter-out %/bench_against.py %/bench_setup.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
+	@set -e; for script in $(filter-out %/bench_edits.py %/bench_against.py %/bench_setup.py %/bench_peers.py %/bench_robot_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
 
 bench-agents: .venv/ready-test-all  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
@@ -59,11 +60,15 @@ bench-against: .venv/ready-test-all  # today's speed beside another commit's, in
 bench-setup:                     # time and disk of a fresh set-up beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
 	$(PYTHON) tests/benchmarks/bench_setup.py $(BASE)
 
-bench-table: .venv/ready-test-all .venv-peers/ready  # the table of speed beside its goals; BASE=COMMIT, by default 0.1.0
-	$(BIN)/python tests/benchmarks/speed_table.py --base $(BASE)
+bench-table: .venv/ready-test-all .venv-peers/ready  # the rows of speed that matter most beside their goals, in a few minutes; ALL=--all for all
+	$(BIN)/python tests/benchmarks/speed_table.py --base $(BASE) $(ALL)
 
-bench-peers: .venv/ready-dev .venv-peers/ready  # ticks per second beside HELICS and mosaik, in turns
+bench-nightly: .venv/ready-test-all .venv-peers/ready  # all rows, kept in tests/benchmarks/speed_history.jsonl, and compared with the last ten there
+	$(BIN)/python tests/benchmarks/speed_table.py --base $(BASE) --all --save --compare
+
+bench-peers: .venv/ready-dev .venv-peers/robots  # ticks per second beside HELICS and mosaik, robots beside simulators of them, in turns
 	$(BIN)/python tests/benchmarks/bench_peers.py
+	$(BIN)/python tests/benchmarks/bench_robot_peers.py
 
 bench-gas: .venv/ready-test-all  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
@@ -80,6 +85,9 @@ bench-training: .venv/ready-test-all  # agent steps per second in batches, besid
 
 bench-wind: .venv/ready-test-all  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
+
+bench-edits: .venv/ready-test-all  # how near edited winds are to full solves, and what they cost; QUICK=--quick for less
+	$(BIN)/python tests/benchmarks/bench_edits.py $(QUICK)
 
 bench-robots: .venv/ready-test-all  # how fast vehicles fly and drive, beside targets, and how accurately
 	$(BIN)/python tests/benchmarks/bench_robots.py
@@ -132,6 +140,9 @@ freeze: .venv/ready-test-all     # write results that must not change, to the bi
 freeze-check: .venv/ready-test-all  # compute them and name what differs; a quarter of an hour
 	$(call FREEZE,check)
 
+one-digest: .venv/ready-test-all  # digests of the bundled scenarios on several kinds of processor; OPTIONS as --help says
+	$(BIN)/python tests/freeze/one_digest.py $(OPTIONS)
+
 capabilities: .venv/ready-test-all  # what commands, names, keys and messages differ from another commit's; BASE=COMMIT, NAMED=FILE
 	$(BIN)/python tests/freeze/capabilities.py compare $(BASE) $(if $(NAMED),--named $(NAMED))
 
@@ -157,6 +168,7 @@ readability: .venv/ready    # words, long and passive sentences of each page, at
 
 dist: .venv/ready-check      # build source packages and wheels of core and extensions in dist, and check what an index would refuse
 	rm -rf dist
+	$(BIN)/python docs/_build/kernel_archives.py
 	@set -e; for folder in $(dir $(PYPROJECTS)); do $(BIN)/python -m build --no-isolation --outdir dist $$folder; done
 	$(BIN)/twine check --strict dist/*
 
@@ -172,7 +184,8 @@ contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	$(BIN)/python docs/_build/file_schemas.py
 	$(BIN)/python docs/_build/extensions_table.py
 
-setup: .venv/ready-check .venv/ready-test-all  # everything for development
+setup: .venv/ready-check .venv/ready-test-all  # everything for development, with compiled kernels
+	$(BIN)/gslcosim cache compile
 
 # Each distribution with all that `make` installs, as uv reads it.
 LOCKED = for folder in $(patsubst %/,%,$(dir $(PYPROJECTS))); do echo "$$folder[dev,check,test-all]"; done
@@ -188,6 +201,10 @@ lock: .venv/ready           # write requirements.lock anew: the newest versions 
 	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) 'setuptools>=77'
 	@$(BIN)/python $(INSTALL) --no-build-isolation --editable . && touch $@
 
+# The kernels of the quickstart, in the cache of the user; of changed code they are compiled when it first runs.
+.venv/compiled: .venv/ready
+	@$(BIN)/gslcosim cache compile warehouse_empty && touch $@
+
 # The core and all extensions with their extras dev, docs, check and test-all.
 .venv/ready-dev .venv/ready-docs .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
 	@echo "Installing all extensions with the extra $* into .venv (once)"
@@ -198,8 +215,18 @@ lock: .venv/ready           # write requirements.lock anew: the newest versions 
 	@$(BIN)/python $(call INSTALL_OURS,--extra dev $*) && touch $@
 
 # Nothing of ours: what the extra names, and no more.
-PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"])
+PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["$(1)"], sep="\n")
+# Some peers need a newer Python than ours.
+PEERS_PYTHON ?= $(PYTHON)
 .venv-peers/ready: pyproject.toml
 	@echo "Setting up .venv-peers (once)"
-	@$(PYTHON) -m venv .venv-peers
-	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check $$($(PYTHON) -c '$(PEERS)') && touch $@
+	@$(PEERS_PYTHON) -m venv .venv-peers
+	@$(PYTHON) -c '$(call PEERS,peers)' > .venv-peers/peers.txt
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-peers/peers.txt && touch $@
+
+# As far as they can be installed.
+.venv-peers/robots: .venv-peers/ready
+	@for peer in $$($(PYTHON) -c '$(call PEERS,robot-peers)'); do \
+		.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check $$peer \
+		|| echo "$$peer cannot be installed here; make bench-peers leaves it out."; done
+	@touch $@

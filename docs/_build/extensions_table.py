@@ -26,6 +26,7 @@ from gslcosim.base.scenario_keys import ScenarioKey
 from gslcosim.cli.arguments import CommandFamily, CommandOptions
 from gslcosim.scenario.checks.registry import SCENARIO
 from gslcosim.scenario.models.gas import GAS_ENTRY_POINTS
+from gslcosim.scenario.models.wind import WIND_ENTRY_POINTS
 from gslcosim_bench.suite_kinds import SUITE_KINDS_GROUP, SuiteKind
 from gslcosim_data.log_readers import LOG_READERS_GROUP
 
@@ -70,7 +71,8 @@ def list_keys() -> Iterator[Offer]:
         keys: list[ScenarioKey[Any]] = [key for key in point.load() if isinstance(key, ScenarioKey)]
         yield from ((point, f"{key.place}.{key.name}".lstrip(".")) for key in keys)
     yield from ((point, point.name) for point in list_registered(GEOMETRY_GROUP))
-    yield from ((point, f"gas.model={point.name}") for point in list_registered(GAS_ENTRY_POINTS))
+    for place, group in (("gas.model", GAS_ENTRY_POINTS), ("wind.solver", WIND_ENTRY_POINTS)):
+        yield from ((point, f"{place}={point.name}") for point in list_registered(group))
 
 
 def list_files() -> Iterator[Offer]:

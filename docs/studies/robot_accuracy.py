@@ -25,7 +25,7 @@ from gslcosim.vehicles import get_vehicle
 from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import WorldCore
 from gslcosim_services.world.scene import build_scene
-from gslcosim_services.world.simulation_loop import run_substeps_inplace
+from gslcosim_services.world.simulation_loop import SceneArrays, run_substeps_inplace
 from gslcosim_services.world.trajectory import plan_rest
 
 DT_S = PHYSICS_STEP_MS * 1e-3
@@ -91,11 +91,9 @@ class FreeBody:
 
     def run(self, n_substeps: int, *, tick: int = 1) -> None:
         """Fly a number of sub-steps as one tick."""
-        data = self.data
         done, unsound = run_substeps_inplace(
-            0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, NOT_MEASURED, data.qpos, data.qvel,
-            data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata, self.wind, np.zeros(3), 0.25,
-            self.scene.model._address, data._address,
+            0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, NOT_MEASURED,
+            SceneArrays.of(self.scene.model, self.data), self.wind, np.zeros(3), 0.25,
         )  # fmt: skip
         if (done, unsound) != (n_substeps, -1):
             raise RuntimeError(f"expected {n_substeps} sub-steps without contact, was {done}, unsound: {unsound}.")

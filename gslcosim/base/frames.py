@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gslcosim.base import elementary
+
 Quaternion = tuple[float, float, float, float]
 
 
@@ -27,14 +29,14 @@ def world_from_body_rotation(quaternion_wxyz: Quaternion) -> NDArray[np.float64]
 def yaw_from_quaternion(quaternion_wxyz: Quaternion) -> float:
     """Return the heading [rad] of the body's x axis, counter-clockwise from world x, in (-pi, pi]."""
     w, x, y, z = quaternion_wxyz
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return elementary.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def quaternion_from_yaw(yaw_rad: ArrayLike) -> NDArray[np.float64]:
     """Return the attitude of a level vehicle, (..., 4) as w, x, y, z, for headings (...) [rad]."""
     half_rad = np.asarray(yaw_rad, np.float64) / 2.0
     nothing = np.zeros_like(half_rad)
-    return np.stack([np.cos(half_rad), nothing, nothing, np.sin(half_rad)], axis=-1)
+    return np.stack([elementary.cos_each(half_rad), nothing, nothing, elementary.sin_each(half_rad)], axis=-1)
 
 
 def rotation_from_rpy(rpy_rad: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -42,7 +44,7 @@ def rotation_from_rpy(rpy_rad: tuple[float, float, float]) -> NDArray[np.float64
 
     R = Rz(yaw) Ry(pitch) Rx(roll)
     """
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in rpy_rad)
+    (cr, sr), (cp, sp), (cy, sy) = ((elementary.cos(angle), elementary.sin(angle)) for angle in rpy_rad)
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

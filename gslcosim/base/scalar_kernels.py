@@ -2,8 +2,9 @@
 
 One text serves both: a service calls it for each instrument, in plain Python, and batches of searches compile it and
 call it for thousands. So a kernel contains only what gives the same bits in both: numbers, sequences read and written
-by an index, `math`, the built-in `abs`, `min`, `max` and `range`, other kernels, and the functions below. It creates no
-lists, tuples or slices, and draws random numbers from the stream in its arguments.
+by an index, what `math` computes exactly, `elementary`, the built-in `abs`, `min`, `max` and `range`, other kernels,
+and the functions below. It creates no lists, tuples or slices, and draws random numbers from the stream in its
+arguments.
 """
 
 import math
@@ -51,17 +52,24 @@ def exact_sum(values: Sequence[float], first: int, n: int) -> float:
     return total + error
 
 
-# Batches have compiled twins of the functions below: those of compilers differ in the last digits.
-
-
+@scalar_kernel
 def norm2(x: float, y: float) -> float:
-    """Return sqrt(x^2 + y^2), rounded as `math.hypot` does."""
-    return math.hypot(x, y)
+    """Return sqrt(x^2 + y^2), the same on every processor; within two units in the last place."""
+    return math.sqrt(x * x + y * y)
 
 
+@scalar_kernel
 def norm3(x: float, y: float, z: float) -> float:
-    """Return sqrt(x^2 + y^2 + z^2), rounded as `math.hypot` and `math.dist` do."""
-    return math.hypot(x, y, z)
+    """Return sqrt(x^2 + y^2 + z^2), the same on every processor; within two units in the last place."""
+    return math.sqrt(x * x + y * y + z * z)
+
+
+def distance(a: Sequence[float], b: Sequence[float]) -> float:
+    """Return the distance of two points of two or three coordinates each."""
+    return norm2(a[0] - b[0], a[1] - b[1]) if len(a) == 2 else norm3(a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+# Batches have compiled twins of the functions below.
 
 
 def next_normal(stream: Any) -> float:

@@ -12,6 +12,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import distance, norm2, norm3
 from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text, span_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
@@ -137,7 +138,7 @@ def find_blocking_boxes(
     for box in (box for box in room.boxes if box.kind != "floor"):
         low, high = np.asarray(box.min_m), np.asarray(box.max_m)
         beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
-        is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
+        is_near = np.linalg.norm(beside_m, axis=1) < radius_m - 1e-9
         # A box that ends below the start carries the vehicle; only one that rises above it is in the way.
         for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
             hits[i].append(box.name)
@@ -314,7 +315,7 @@ def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
     problems: list[Problem] = []
     for (_, first), (j, second) in combinations(enumerate(agents), 2):
         a, b = first.vehicle, second.vehicle
-        apart_m = float(np.hypot(a.start_m[0] - b.start_m[0], a.start_m[1] - b.start_m[1]))
+        apart_m = distance(a.start_m[:2], b.start_m[:2])
         least_m = a.facts.body.radius_m + b.facts.body.radius_m
         if apart_m >= least_m:
             continue
@@ -336,7 +337,7 @@ def _growing_surroundings(
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
     grid, point = room.grid, np.asarray(position_m)
     cell = np.clip(grid.cell_of(point), 0, np.asarray(grid.shape) - 1)
-    outside_m = np.linalg.norm(point - np.clip(point, grid.origin_m, grid.max_m))
+    outside_m = norm3(*(point - np.clip(point, grid.origin_m, grid.max_m)).tolist())
     reach, is_all = 4, False
     while not is_all:
         reaches = np.array([reach, reach, 0 if is_level else reach])
@@ -344,7 +345,7 @@ def _growing_surroundings(
         is_all = (grid.shape[0], grid.shape[1]) == (high[0] - low[0], high[1] - low[1]) and (
             is_level or high[2] - low[2] == grid.shape[2]
         )
-        reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
+        reach_m = np.inf if is_all else norm2(outside_m, reach * grid.cell_m)
         window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
         yield grid.centres_of(np.argwhere(room.occupancy[window] != Cell.SOLID) + low), reach_m
         reach *= 4
@@ -373,7 +374,7 @@ def _random_start_m(
     for i, j in rng.permutation(cells)[:N_TRIES]:
         x_m, y_m = (grid.origin_m[axis] + (n + 0.5) * grid.cell_m for axis, n in ((0, i), (1, j)))
         start_m = _rounded((x_m, y_m, grid.origin_m[2] + START_HEIGHT_M))
-        is_apart = all(np.hypot(x_m - other[0], y_m - other[1]) >= 1.0 for other in taken_m)
+        is_apart = all(norm2(x_m - other[0], y_m - other[1]) >= 1.0 for other in taken_m)
         if is_apart and can_start_at(start_m, vehicle, room) and (escape is None or escape.leads_from(start_m)):
             return start_m
     return None

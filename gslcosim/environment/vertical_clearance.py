@@ -64,5 +64,5 @@ def _solid_layers(
         np.maximum(np.abs(room.grid.axis_centres_m(axis) - place_m[axis]) - room.grid.cell_m / 2, 0.0)
         for axis in (0, 1)
     )
-    is_near = np.add.outer(x_gap_m**2, y_gap_m**2) < radius_m**2
+    is_near = np.add.outer(x_gap_m * x_gap_m, y_gap_m * y_gap_m) < radius_m * radius_m
     return first + np.flatnonzero(layers[is_near].any(axis=0))

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import FlowError
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.flow.domain import Domain
@@ -208,7 +209,7 @@ def flows_through_holes(head, share, area_m2, density_ratio, net_m3_s, outward_m
     Source: Bernoulli with hydrostatic pressure; Linden 1999, doi:10.1146/annurev.fluid.31.1.201, section 2.
     Held by: tests/unit/flow/test_buoyancy.py (one hole, two holes)
     """
-    reach = 1.0 + (net_m3_s / np.sum(area_m2)) ** 2 + np.max(np.abs(head))
+    reach = 1.0 + (net_m3_s / np.sum(area_m2)) * (net_m3_s / np.sum(area_m2)) + np.max(np.abs(head))
     low, high = -np.max(head) - reach, -np.min(head) + reach
     for _ in range(80):
         pressure = 0.5 * (low + high)
@@ -261,7 +262,7 @@ def rise_of_plume(ambient, first_m, cell_m, volume, scalar, momentum, accelerati
                 return k, volume, scalar
             half_volume = volume + 0.5 * step_m * intake
             half_scalar = scalar + 0.5 * step_m * intake * ambient[k]
-            push = acceleration_m_s2 * (half_scalar / half_volume - ambient[k]) * half_volume**2 / half_momentum
+            push = acceleration_m_s2 * (half_scalar / half_volume - ambient[k]) * half_volume * volume / half_momentum
             intake = 2 * ENTRAINMENT * np.sqrt(np.pi * half_momentum)
             if momentum + step_m * push <= 0:
                 return k, volume, scalar
@@ -304,7 +305,7 @@ class _Plume:
         if not volume:
             return
         ambient = (values[self._block] * self._air).sum(axis=(0, 1), dtype=np.float64) / self._n_air
-        momentum = volume**2 / self._area_m2
+        momentum = volume * volume / self._area_m2
         widest_m = (2 * _BLOCK + 1) * self._cell_m
         top, volume, self.scalar_m3_s = rise_of_plume(
             ambient, self._first_m, self._cell_m, volume, self.scalar_m3_s, momentum, acceleration_m_s2, widest_m,
@@ -315,7 +316,7 @@ class _Plume:
 
     # Remove the entrained scalar from `new`, and release it at the end, with that of the source.
     def carry(self, old: F32, new: F32, dt_s: float) -> None:
-        per_volume = np.float32(dt_s / self._cell_m**3)
+        per_volume = np.float32(dt_s / (self._cell_m * self._cell_m * self._cell_m))
         taken = self.intake * old[self._block]
         new[self._block] -= per_volume * taken
         released_m3_s = self.scalar_m3_s
@@ -324,7 +325,7 @@ class _Plume:
             new[self._block] += per_volume * self.outlet * np.float32(released_m3_s / total)
 
     def add_volume(self, source_m_s: F32) -> None:
-        source_m_s[self._block] += (self.outlet - self.intake) / np.float32(self._cell_m**2)
+        source_m_s[self._block] += (self.outlet - self.intake) / np.float32(self._cell_m * self._cell_m)
 
     @property
     def largest_m3_s(self) -> float:
@@ -368,20 +369,20 @@ class Buoyancy:
         scalar, height_m = self.scalar, self._domain.shape[2] * self._domain.cell_m
         values = [scalar.start, 0.0, *(wall.value for wall in scalar.walls)]
         released = abs(scalar.buoyancy_m_s2 * sum(r.scalar_m3_s for r in scalar.releases))
-        by_walls = (abs(scalar.buoyancy_m_s2) * (max(values) - min(values)) * height_m) ** 0.5
-        return max(by_walls, (released / height_m) ** (1 / 3))
+        by_walls = math.sqrt(abs(scalar.buoyancy_m_s2) * (max(values) - min(values)) * height_m)
+        return max(by_walls, elementary.cbrt(released / height_m))
 
     def longest_step_s(self) -> float:
         """Return the longest time step that its accelerations and volumes allow [s]."""
         scalar, cell_m = self.scalar, self._domain.cell_m
         pull_m_s2 = abs(scalar.buoyancy_m_s2) * float(largest_step(self.values, self._domain.air))
-        limits = [_STEP_SHARE * (cell_m / pull_m_s2) ** 0.5] if pull_m_s2 > 0 else []
+        limits = [_STEP_SHARE * math.sqrt(cell_m / pull_m_s2)] if pull_m_s2 > 0 else []
         for _, release in self._releases:
             pull_m4_s3 = self._emission * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
-            limits += [(cell_m**4 / pull_m4_s3) ** (1 / 3)] if pull_m4_s3 > 0 else []
+            limits += [elementary.cbrt(cell_m * cell_m * cell_m * cell_m / pull_m4_s3)] if pull_m4_s3 > 0 else []
         flows = [float(flow) for flow in (*self.outflow_m3_s, *self.inflow_m3_s)]
         flows += [plume.largest_m3_s for plume in self._plumes]
-        limits += [_STEP_SHARE * cell_m**3 / flow for flow in flows if flow > 0]
+        limits += [_STEP_SHARE * cell_m * cell_m * cell_m / flow for flow in flows if flow > 0]
         return min(limits, default=math.inf)
 
     def set_releasing(self, *, is_on: bool) -> None:
@@ -403,7 +404,7 @@ class Buoyancy:
         transport_scalar(
             self.values, *velocity, model.nu, model.nu_m2_s, scalar.diffusivity_m2_s, sigma, dt_s, cell_m, new
         )
-        volume_m3 = cell_m**3
+        volume_m3 = cell_m * cell_m * cell_m
         for cell, release in self._releases:
             new[cell] += np.float32(self._emission * dt_s * release.scalar_m3_s / volume_m3)
         for plume in self._plumes:
@@ -413,7 +414,7 @@ class Buoyancy:
             new[cell] -= np.float32(fraction) * self.values[cell]
             self.escaped_m3 += fraction * volume_m3 * float(self.values[cell])
         for placed, wall in zip(self._walls, scalar.walls):
-            fraction = np.float32(2 * scalar.diffusivity_m2_s * dt_s / cell_m**2)
+            fraction = np.float32(2 * scalar.diffusivity_m2_s * dt_s / (cell_m * cell_m))
             here = placed.layer(placed.inside)
             new[here] += fraction * (np.float32(wall.value) - self.values[here]) * domain.air[here]
         new[~domain.air] = 0
@@ -445,7 +446,7 @@ class Buoyancy:
             self.source_m_s = padded(self._domain.shape)
         self.source_m_s[:] = 0
         for cell, release in self._releases:
-            self.source_m_s[cell] += np.float32(self._emission * release.volume_m3_s / cell_m**2)
+            self.source_m_s[cell] += np.float32(self._emission * release.volume_m3_s / (cell_m * cell_m))
         for plume in self._plumes:
             plume.rise(self.values, self.scalar.buoyancy_m_s2, self._emission)
             plume.add_volume(self.source_m_s)
@@ -468,7 +469,7 @@ class Buoyancy:
         self.outflow_m3_s = np.maximum(strips, 0).sum(axis=1)
         self.inflow_m3_s = np.maximum(-strips, 0).sum(axis=1)
         for net, (cell, _) in zip(strips.sum(axis=1), self._holes):
-            self.source_m_s[cell] -= np.float32(net / cell_m**2)
+            self.source_m_s[cell] -= np.float32(net / (cell_m * cell_m))
 
 
 def _cell_of(position_m: Vec3, domain: Domain, name: str) -> tuple[int, int, int]:

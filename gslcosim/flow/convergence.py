@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import FlowError
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.pressure import F32, HIGH, LOW
@@ -209,17 +210,17 @@ def settling_window_s(domain: Domain) -> float:
     speed is t. In a duct without other air it is the flow-through time. Our derivation; with repeating inlets the
     window is rounded up to a whole number of the longest period.
     """
-    volume_m3 = domain.n_air * domain.cell_m**3
+    volume_m3 = domain.n_air * (domain.cell_m * domain.cell_m * domain.cell_m)
     flows_m3_s, momentum_m4_s2 = [0.0], 0.0
     for placed in domain.inlets:
         assert placed.inflow is not None
         speed_m_s = placed.inflow.typical_speed_m_s
-        flows_m3_s.append(placed.n_cells * domain.cell_m**2 * speed_m_s)
+        flows_m3_s.append(placed.n_cells * (domain.cell_m * domain.cell_m) * speed_m_s)
         momentum_m4_s2 += flows_m3_s[-1] * speed_m_s
     crossing_s = max(domain.shape) * domain.cell_m / max(domain.reference_speed_m_s, 1e-6)
     if momentum_m4_s2 == 0:
         return crossing_s
-    turnover_s = volume_m3 ** (2 / 3) / math.sqrt(momentum_m4_s2)
+    turnover_s = elementary.pow(volume_m3, 2.0 / 3.0) / math.sqrt(momentum_m4_s2)
     window_s = min(max(turnover_s, crossing_s), volume_m3 / sum(flows_m3_s))
     period_s = max((p.inflow.period_s for p in domain.inlets if p.inflow), default=0.0)
     return math.ceil(window_s / period_s) * period_s if period_s else window_s
@@ -331,8 +332,8 @@ class ConvergenceMonitor:
 def _compare(first: _Window, second: _Window, end_s: float) -> WindowCheck:
     difference, size = 0.0, 0.0
     for before, after in zip(first.mean.velocity, second.mean.velocity):
-        difference += float(np.sum((after[_BOX] - before[_BOX]) ** 2, dtype=np.float64))
-        size += float(np.sum(after[_BOX] ** 2, dtype=np.float64))
+        difference += float(np.sum(np.square(after[_BOX] - before[_BOX]), dtype=np.float64))
+        size += float(np.sum(np.square(after[_BOX]), dtype=np.float64))
     return WindowCheck(
         start_s=first.start_s,
         middle_s=second.start_s,

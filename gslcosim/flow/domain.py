@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import FlowError
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, PlacedPatch, check_kinds, check_overlap, place_patch
 from gslcosim.flow.pressure import F32, HIGH, LOW
 
@@ -242,7 +243,7 @@ class Domain:
     def reference_speed_m_s(self) -> float:
         """Return the largest prescribed speed on the boundary [m/s], or 0."""
         speeds = [placed.inflow.largest_speed_m_s for placed in self.inlets if placed.inflow]
-        speeds += [float(np.linalg.norm(p.patch.velocity_m_s)) for p in self.placed if isinstance(p.patch, MovingWall)]
+        speeds += [norm3(*p.patch.velocity_m_s) for p in self.placed if isinstance(p.patch, MovingWall)]
         return max(speeds, default=0.0)
 
 

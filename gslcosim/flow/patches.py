@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import FlowError
 from gslcosim.base.quantities import Vec3
 from gslcosim.flow.pressure import LOW
@@ -92,7 +93,7 @@ class Inflow:
     @property
     def typical_speed_m_s(self) -> float:
         """Return the root mean square of the speed over cells and the schedule's times [m/s]."""
-        return float(np.sqrt(np.mean(self._speeds() ** 2)))
+        return float(np.sqrt(np.mean(np.square(self._speeds()))))
 
     @property
     def period_s(self) -> float:
@@ -183,7 +184,7 @@ def log_profile(
 
     def profile_m_s(points_m: F64) -> F64:
         height = np.maximum(points_m[:, axis] - ground_m, 0.0)
-        ratio = np.log1p(height / roughness_m) / np.log1p(height_m / roughness_m)
+        ratio = elementary.log1p_each(height / roughness_m) / elementary.log1p_each(height_m / roughness_m)
         return np.multiply.outer(ratio, np.asarray(velocity_m_s, float))
 
     return profile_m_s

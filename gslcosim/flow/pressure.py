@@ -449,11 +449,11 @@ class PressureSolver:
         sum_of_squares, first = negative_divergence(u, v, w, *fine.coefficients, fine.b)
         if source_m_s is not None:
             fine.b += source_m_s
-            sum_of_squares, first = float(np.sum(fine.b**2, dtype=np.float64)), np.abs(fine.b).max()
+            sum_of_squares, first = float(np.sum(np.square(fine.b), dtype=np.float64)), np.abs(fine.b).max()
         if self._is_closed:
             self._remove_mean(fine.b)
         self.x[:] = 0
-        target = tolerance_m_s**2 * self._n_air
+        target = tolerance_m_s * tolerance_m_s * self._n_air
         iterations, last = self._iterate(sum_of_squares, float(first), target, max_tolerance_m_s, max_iterations)
         subtract_gradient(u, v, w, self.x, *fine.coefficients)
         return SolveStats(iterations=iterations, first_max_m_s=float(first), last_max_m_s=last)

@@ -41,7 +41,7 @@ def impose_open_pressure(domain: Domain, velocity: Velocity, pressure: F32) -> N
             continue
         normal = velocity[placed.axis][placed.layer(placed.face)]
         entering = np.minimum(normal, 0) if placed.is_high else np.maximum(normal, 0)
-        pressure[placed.layer(placed.just_outside)] = -0.5 * entering**2
+        pressure[placed.layer(placed.just_outside)] = -0.5 * np.square(entering)
 
 
 def fill_padding(domain: Domain, velocity: Velocity, nu: F32, time_s: float) -> None:
@@ -341,7 +341,7 @@ class FlowSolver:
             mixing_m2_s = max(mixing_m2_s, self.buoyancy.scalar.diffusivity_m2_s)
             limit_s = min(limit_s, self.buoyancy.longest_step_s())
         if mixing_m2_s > 0:
-            limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / mixing_m2_s)
+            limit_s = min(limit_s, _VISCOUS_LIMIT * (cell_m * cell_m) / mixing_m2_s)
         return remaining_s / math.ceil(remaining_s / limit_s) if remaining_s < 2 * limit_s else limit_s
 
     def _check_speed(self, speed: float) -> None:
@@ -365,6 +365,6 @@ def mass_balance(domain: Domain, velocity: Velocity) -> tuple[float, float]:
         outward = 1.0 if placed.is_high else -1.0
         flows.append(outward * velocity[placed.axis][placed.layer(placed.face)].astype(np.float64).ravel())
     outward_flow = np.concatenate(flows) if flows else np.zeros(0)
-    area = domain.cell_m**2
+    area = domain.cell_m * domain.cell_m
     inflow = -float(outward_flow[outward_flow < 0].sum()) * area
     return inflow, float(outward_flow[outward_flow > 0].sum()) * area

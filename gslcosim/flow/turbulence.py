@@ -21,6 +21,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.patches import Inlet, PlacedPatch
 from gslcosim.flow.pressure import F32, HIGH, LOW, padded
@@ -28,6 +29,7 @@ from gslcosim.flow.pressure import F32, HIGH, LOW, padded
 VON_KARMAN = 0.41
 WALL_ROUGHNESS_E = 9.8  # smooth wall
 C_MU = 0.09
+_C_MU_ROOT_4 = math.sqrt(math.sqrt(C_MU))
 LAMINAR_SUBLAYER = 11.53  # y+ at which y+ = ln(E y+) / kappa
 ETA_0_RNG = 4.38
 BETA_RNG = 0.012
@@ -52,10 +54,10 @@ def log_law_friction(cells, k_m2_s2, nu_m2_s, cell_m, friction_m_s):
     """
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
-        speed = C_MU**0.25 * math.sqrt(k_m2_s2[cells[n]])
+        speed = _C_MU_ROOT_4 * math.sqrt(k_m2_s2[cells[n]])
         y_plus = speed * y / nu_m2_s
         if y_plus > LAMINAR_SUBLAYER:
-            friction_m_s[n] = VON_KARMAN * speed / math.log(WALL_ROUGHNESS_E * y_plus)
+            friction_m_s[n] = VON_KARMAN * speed / elementary.log(WALL_ROUGHNESS_E * y_plus)
         else:
             friction_m_s[n] = nu_m2_s / y
 
@@ -92,7 +94,7 @@ def power_law_friction(cells, wall_velocity, u, v, w, stride_x, stride_y, nu_m2_
         c = cells[n]
         speed = _speed_past_wall(c, wall_velocity[n], u, v, w, stride_x, stride_y)
         # u / u* = 8.3 (u* y / nu)^(1/7)  gives  u* = (u / 8.3)^(7/8) (nu / y)^(1/8)
-        turbulent = (speed / 8.3) ** 0.875 * (nu_m2_s / y) ** 0.125
+        turbulent = elementary.pow(speed / 8.3, 0.875) * elementary.pow(nu_m2_s / y, 0.125)
         friction = nu_m2_s / y
         if turbulent * y / nu_m2_s > 11.81:
             friction = max(friction, turbulent * turbulent / speed)
@@ -147,7 +149,7 @@ def wall_production(
     for n in range(cells.shape[0]):
         c = cells[n]
         speed = _speed_past_wall(c, wall_velocity[n], u, v, w, stride_x, stride_y)
-        star = C_MU**0.25 * math.sqrt(k_m2_s2[c])
+        star = _C_MU_ROOT_4 * math.sqrt(k_m2_s2[c])
         is_turbulent = star * y / nu_m2_s > LAMINAR_SUBLAYER
         production[c] = np.float32(friction_m_s[n] * speed * star / (VON_KARMAN * y) if is_turbulent else 0.0)
 
@@ -167,7 +169,7 @@ def wall_dissipation(cells, k_m2_s2, nu_m2_s, cell_m, epsilon):
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
         k = k_m2_s2[cells[n]]
-        star = C_MU**0.25 * math.sqrt(k)
+        star = _C_MU_ROOT_4 * math.sqrt(k)
         if star * y / nu_m2_s > LAMINAR_SUBLAYER:
             epsilon[cells[n]] = np.float32(star**3 / (VON_KARMAN * y))
         else:
@@ -693,8 +695,8 @@ def inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]
     speed = placed.inflow.typical_speed_m_s
     sides = [(row.stop - row.start) * domain.cell_m for row in placed.rows]
     length = 0.1 * min(sides) if inlet.turbulence_length_m is None else inlet.turbulence_length_m
-    k = max(1.5 * (inlet.turbulence_intensity * speed) ** 2, 1e-8)
-    return k, C_MU**0.75 * k**1.5 / length
+    k = max(1.5 * float(np.square(inlet.turbulence_intensity * speed)), 1e-8)
+    return k, _C_MU_ROOT_4 * _C_MU_ROOT_4 * _C_MU_ROOT_4 * k * math.sqrt(k) / length
 
 
 def make_model(name: str, domain: Domain, nu_m2_s: float) -> TurbulenceModel:

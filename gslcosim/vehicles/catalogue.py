@@ -17,6 +17,7 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.base.yaml_core import CoreLoader
 
 Kind = Literal["multirotor", "holonomic", "wheels"]
@@ -92,12 +93,12 @@ class RotorParameters:
     @property
     def motor_distance_m(self) -> float:
         """The longest distance between two rotors: that along the diagonal, seen from above [m]."""
-        return max(math.dist(a[:2], b[:2]) for a, b in combinations(self.rotor_places_m, 2))
+        return max(distance(a[:2], b[:2]) for a, b in combinations(self.rotor_places_m, 2))
 
     @property
     def reach_m(self) -> float:
         """Reach of the discs of the rotors from the vehicle's centre, seen from above [m]."""
-        return max(math.hypot(x_m, y_m) for x_m, y_m, _ in self.rotor_places_m) + self.rotor_radius_m
+        return max(norm2(x_m, y_m) for x_m, y_m, _ in self.rotor_places_m) + self.rotor_radius_m
 
     def wrench_from_thrusts(self) -> NDArray[np.float64]:
         """Return the allocation matrix, (4, n): rows thrust and torque about x, y, z; a column for each rotor.

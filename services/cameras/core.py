@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from gslcosim.base import elementary
 from gslcosim.base.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract import keys
@@ -130,7 +131,7 @@ class CamerasCore:
             encoding=encoding,
             width_px=size.width_px,
             height_px=size.height_px,
-            focal_px=size.height_px / 2 / math.tan(size.vertical_fov_rad / 2),
+            focal_px=size.height_px / 2 / elementary.tan(size.vertical_fov_rad / 2),
             centre_px=(size.width_px / 2, size.height_px / 2),
             position_body_m=sensor.mount_m,
             quaternion_body_wxyz=_rotate_sensor(sensor, _SENSOR_FROM_OPTICAL),
@@ -187,4 +188,4 @@ def add_lamps(spec: mujoco.MjSpec, environment: Environment) -> None:
 
 
 def _rotate_sensor(sensor: CameraSensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:
-    return quaternion_from_rotation(rotation_from_rpy(sensor.mount_rpy_rad) @ sensor_from_camera)
+    return quaternion_from_rotation(elementary.product(rotation_from_rpy(sensor.mount_rpy_rad), sensor_from_camera))

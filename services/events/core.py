@@ -1,9 +1,9 @@
 """Events core: evaluates times and conditions of a scenario's events and announces those that begin."""
 
-import math
 from typing import cast
 
 from gslcosim.base.errors import ModelError
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
@@ -76,7 +76,7 @@ class EventsCore:
             places_m = [body.position_world_m for body in bodies if body.agent == trigger.agent]
             if not places_m:
                 raise ModelError(f"events: expected a pose of vehicle {trigger.agent!r} in tick {tick}, was none.")
-            return math.dist(places_m[0], trigger.of_m) <= trigger.within_m
+            return distance(places_m[0], trigger.of_m) <= trigger.within_m
         samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
         return any(
             gas.mixing_ratio_ppm > (trigger.gas_above_ppm or 0.0)

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ShapeError
 from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.base.quantities import Vec3
@@ -23,7 +24,7 @@ from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim_services.fields.filament.filament_step import cell_index
 from gslcosim_services.fields.filament.plume import Filaments
 
-NORMALISATION = (2.0 * math.pi) ** 1.5
+NORMALISATION = 2.0 * math.pi * math.sqrt(2.0 * math.pi)
 
 CUTOFF_SIGMA = 5.0
 
@@ -138,7 +139,7 @@ def filament_contribution_ppm(strength_ppm_m3, sigma_m, distance2_m2):
         distance2_m2: Square of the distance from its centre [m2].
     """
     s = sigma_m
-    return strength_ppm_m3 / (NORMALISATION * s * s * s) * math.exp(-0.5 * distance2_m2 / (s * s))
+    return strength_ppm_m3 / (NORMALISATION * s * s * s) * elementary.exp(-0.5 * distance2_m2 / (s * s))
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -219,9 +220,9 @@ def _sample_gaussian(coordinate_m, s, origin_m, spacing_m, first, last, gaussian
     # g(d + h) = g(d) q(d) and q(d + h) = q(d) exp(-h^2 / s^2). Rounding grows with the square of their number:
     # below 1e-12 for the hundred that there are in practice.
     d = origin_m + first * spacing_m - coordinate_m
-    g = math.exp(-0.5 * d * d / (s * s))
-    q = math.exp(-(d + 0.5 * spacing_m) * spacing_m / (s * s))
-    qq = math.exp(-spacing_m * spacing_m / (s * s))
+    g = elementary.exp(-0.5 * d * d / (s * s))
+    q = elementary.exp(-(d + 0.5 * spacing_m) * spacing_m / (s * s))
+    qq = elementary.exp(-spacing_m * spacing_m / (s * s))
     for i in range(first, last + 1):
         d = origin_m + i * spacing_m - coordinate_m
         gaussian[i] = g

@@ -10,9 +10,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.environment.grid_kernels import SOLID, to_next_border
 from gslcosim.environment.model import AT_START, Closed, Environment
@@ -62,7 +64,9 @@ class MountPositions:
             body = state_of[agent]
             self._position_world_m[i] = body.position_world_m
             if any(mount_body_m):
-                self._position_world_m[i] += world_from_body_rotation(body.quaternion_wxyz) @ mount_body_m
+                self._position_world_m[i] += elementary.product(
+                    world_from_body_rotation(body.quaternion_wxyz), mount_body_m
+                )
         return self._position_world_m
 
 
@@ -159,9 +163,9 @@ class Beams:
                 raise ModelError(f"fields: expected a pose of vehicle {beam.agent!r} in tick {bodies.tick}, was none.")
             body = state_of[beam.agent]
             rotation = world_from_body_rotation(body.quaternion_wxyz)
-            start_m = np.array(body.position_world_m) + rotation @ np.array(beam.mount_body_m)
-            direction = rotation @ np.array(beam.beam_body)
-            direction = direction / np.linalg.norm(direction)
+            start_m = np.array(body.position_world_m) + elementary.product(rotation, beam.mount_body_m)
+            direction = elementary.product(rotation, beam.beam_body)
+            direction = direction / norm3(*direction.tolist())
             found[key] = self._along(start_m, direction, beam.max_range_m)
         return found
 

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import (
@@ -25,7 +26,7 @@ from gslcosim_services.fields.mixing_ratio import (
     to_float3,
 )
 
-EXP_MINUS_MIDDLE = math.exp(-6.25)
+EXP_MINUS_MIDDLE = elementary.exp(-6.25)
 
 BLOCK_M = 0.8
 # Larger rooms have larger blocks: a table of more would cost more than it saves.
@@ -194,7 +195,7 @@ def _add_one_by_one(px, py, pz, rows, begin, end, largest_exponent, is_hidden, w
             continue
         if is_hidden and not is_visible(walls, px, py, pz, x, y, z):
             continue
-        row_ppm[rows.gas[f]] += rows.centre_ppm[f] * math.exp(-exponent)
+        row_ppm[rows.gas[f]] += rows.centre_ppm[f] * elementary.exp(-exponent)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -279,7 +280,7 @@ class FilamentIndex:
 
     def __init__(self, *, min_m: Vec3, max_m: Vec3, block_m: float = BLOCK_M) -> None:
         sides_m = np.subtract(max_m, min_m)
-        block_m *= max(1.0, float(np.prod(sides_m / block_m + 1.0) / MAX_BLOCKS) ** 0.5)
+        block_m *= max(1.0, math.sqrt(float(np.prod(sides_m / block_m + 1.0)) / MAX_BLOCKS))
         n_x, n_y, n_z = (max(1, int(np.ceil(side_m / block_m - 1e-9))) for side_m in sides_m)
         self._blocks = Blocks(
             origin_m=to_float3(min_m),

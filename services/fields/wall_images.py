@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import SOLID
 from gslcosim.environment.model import Environment
@@ -69,9 +70,9 @@ def _image_factor(point_m, centre_m, s, low_m, high_m):
     factor = 1.0
     below_m, above_m = point_m - low_m, high_m - point_m
     if below_m > 0.0:
-        factor += math.exp(-2.0 * below_m * (centre_m - low_m) / (s * s))
+        factor += elementary.exp(-2.0 * below_m * (centre_m - low_m) / (s * s))
     if above_m > 0.0:
-        factor += math.exp(-2.0 * above_m * (high_m - centre_m) / (s * s))
+        factor += elementary.exp(-2.0 * above_m * (high_m - centre_m) / (s * s))
     return factor
 
 

@@ -1,6 +1,5 @@
 """Radio core: delivers the texts in agents' commands with the range, loss and delay of their channels."""
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import cast
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from gslcosim.base.errors import ModelError
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
     BodyPoses,
@@ -132,7 +132,7 @@ class RadioCore:
 
     def _fate(self, channel: ChannelSpec, sender: str, receiver: str, positions_m: dict[str, Vec3]) -> str:
         is_lost = self._rng(f"radio.{channel.name}.{sender}.{receiver}").random() < channel.loss_frac
-        if channel.range_m is not None and math.dist(positions_m[sender], positions_m[receiver]) > channel.range_m:
+        if channel.range_m is not None and distance(positions_m[sender], positions_m[receiver]) > channel.range_m:
             return "out_of_range"
         return "lost" if is_lost or self._is_out(channel.name, sender, receiver) else "reached"
 

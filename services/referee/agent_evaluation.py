@@ -88,6 +88,8 @@ class AgentEvaluation:
         self._has_taken_off = False
         self._has_met_gas = False
         self._is_touching = False
+        self._measured_from_m: Vec3 | None = None
+        self._measured_m: tuple[float, ...] = ()
 
     @property
     def start_m(self) -> Vec3 | None:
@@ -97,6 +99,7 @@ class AgentEvaluation:
     def move_sources(self, sources_m: tuple[Vec3, ...]) -> None:
         """Judge by sources at other places from now on; the criterion keeps what it has seen so far."""
         self._rules = replace(self._rules, sources_m=sources_m)
+        self._measured_from_m = None
 
     def observe(
         self, tick: int, body: BodyState, samples: Sequence[MountSample], command: Command | None
@@ -286,10 +289,13 @@ class AgentEvaluation:
     def _distance_m(self, point_m: Vec3) -> float:
         return min(self._distances_m(point_m))
 
-    # To each source; in the plane where heights do not count.
+    # To each source; in the plane where heights do not count. Those of one point are needed twice in a tick.
     def _distances_m(self, point_m: Vec3) -> tuple[float, ...]:
-        is_horizontal = self._rules.success.is_horizontal
-        return tuple(metrics.source_distance_m(point_m, source_m, is_horizontal) for source_m in self._rules.sources_m)
+        if point_m is not self._measured_from_m:
+            is_horizontal, sources_m = self._rules.success.is_horizontal, self._rules.sources_m
+            measured_m = [metrics.source_distance_m(point_m, source_m, is_horizontal) for source_m in sources_m]
+            self._measured_m, self._measured_from_m = tuple(measured_m), point_m
+        return self._measured_m
 
     def _event(self, kind: str, text: str) -> RefereeEvent:
         return RefereeEvent(agent=self.name, kind=kind, text=text)

@@ -3,14 +3,14 @@
 Sources: "thesis" is the GSL-Bench thesis (TU Delft), chapter 7 on performance metrics.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import norm3, scalar_kernel
+from gslcosim.base.scalar_kernels import distance, norm3, scalar_kernel
 from gslcosim.contract.messages import Belief, BeliefScore
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 def distance_m(a_world_m: Vec3, b_world_m: Vec3) -> float:
     """Return the straight distance between two points [m]."""
-    return math.dist(a_world_m, b_world_m)
+    return distance(a_world_m, b_world_m)
 
 
 @scalar_kernel
@@ -45,7 +45,7 @@ def find_nearest(point_world_m: Vec3, places_world_m: Sequence[Vec3]) -> Vec3:
         point_world_m: Point, world frame [m].
         places_world_m: At least one place, world frame [m].
     """
-    return min(places_world_m, key=lambda place_m: math.dist(point_world_m, place_m))
+    return min(places_world_m, key=lambda place_m: distance(point_world_m, place_m))
 
 
 def move_to_height(place_world_m: Vec3, point_world_m: Vec3) -> Vec3:
@@ -104,7 +104,7 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
     Held by:
         tests/unit/services/referee/test_metrics.py, tests/properties/test_referee_metrics.py
     """
-    to_source_m = math.dist(start_world_m, source_world_m)
+    to_source_m = distance(start_world_m, source_world_m)
     if path_length_m <= 0.0 or to_source_m <= 0.0:
         return None
     progress_m2 = sum(
@@ -154,14 +154,14 @@ def expected_distance_m(p: Array, distances_m: Array) -> float:
 def entropy_bits(p: Array) -> float:
     """Return the entropy H = -sum p log2 p [bit] (Shannon 1948); cells without probability add nothing."""
     positive = p[p > 0.0]
-    return max(0.0, float(-(positive * np.log2(positive)).sum()))
+    return max(0.0, float(-(positive * elementary.log2_each(positive)).sum()))
 
 
 def _distances_to_nearest_m(belief: Belief, sources_m: Sequence[Vec3]) -> Array:
     shape = belief.probability.shape
     axes_m = [belief.origin_m[k] + (np.arange(n) + 0.5) * belief.cell_m for k, n in enumerate(shape)]
     centres_m = np.stack(np.meshgrid(*axes_m, indexing="ij"), axis=-1)
-    squares_m2 = [((centres_m - np.array(source_m[: len(shape)])) ** 2).sum(axis=-1) for source_m in sources_m]
+    squares_m2 = [np.square(centres_m - np.array(source_m[: len(shape)])).sum(axis=-1) for source_m in sources_m]
     return np.sqrt(np.min(squares_m2, axis=0))
 
 

@@ -13,6 +13,7 @@ from gslcosim.base.errors import MethodError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.contract.messages import (
     Bounds,
     Briefing,
@@ -113,14 +114,16 @@ def build_nominal_plume(scenario: Scenario) -> NominalPlume:
     diffusivity_m2_s = (
         gas.eddy_diffusivity_m2_s if isinstance(gas, FilamentsSpec) else usual["eddy_diffusivity_m2_s"].default
     )
-    puff_ppm_m3 = source.ppm * (2.0 * math.pi) ** 1.5 * source.sigma_m**3
+    puff_ppm_m3 = (
+        source.ppm * 2.0 * math.pi * math.sqrt(2.0 * math.pi) * (source.sigma_m * source.sigma_m * source.sigma_m)
+    )
     return NominalPlume(
         release_ppm_m3_s=source.filaments_per_s * puff_ppm_m3,
         puffs_per_s=source.filaments_per_s,
         initial_sigma_m=source.sigma_m,
         growth_m2_s=growth_m2_s,
         diffusivity_m2_s=diffusivity_m2_s,
-        wind_speed_m_s=math.hypot(*scenario.wind.inlet_velocity_m_s),
+        wind_speed_m_s=norm3(*scenario.wind.inlet_velocity_m_s),
     )
 
 

@@ -5,6 +5,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
@@ -153,11 +154,10 @@ class _AgentInstruments:
     def __post_init__(self) -> None:
         self.last = [None] * len(self.instruments)
         self.state_changes = {each.spec.name: [] for each in self.instruments if each.measures_gas}
-
-    @property
-    def sees_others(self) -> bool:
-        """True when an instrument measures by itself, not by samples of the fields: other vehicles may show in it."""
-        return any(instrument.is_on_board for instrument in self.instruments)
+        # An instrument that measures by itself, not by samples of the fields: other vehicles may show in it.
+        self.sees_others = any(each.is_on_board for each in self.instruments)
+        shows_pose = (i for i, each in enumerate(self.instruments) if isinstance(each.spec, PoseSensorSpec))
+        self._i_pose = next(shows_pose, None)
 
     def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
         readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
@@ -189,8 +189,7 @@ class _AgentInstruments:
     # Last pose of the first pose sensor.
     @property
     def pose(self) -> Reading | None:
-        shown = zip(self.instruments, self.last, strict=True)
-        return next((last for instrument, last in shown if isinstance(instrument.spec, PoseSensorSpec)), None)
+        return None if self._i_pose is None else self.last[self._i_pose]
 
 
 def _without_payload(reading: Reading) -> Reading:
@@ -302,8 +301,8 @@ class SensingCore:
             awaiting_command=body.awaiting_command,
             readings=readings,
             notice=body.rejected_command,
-            incoming=tuple(arrival.reception for arrival in traffic.arrivals if arrival.agent == body.agent),
-            radio_refusals=tuple(t.refusal for t in traffic.transmissions if t.sender == body.agent and t.refusal),
+            incoming=tuple([arrival.reception for arrival in traffic.arrivals if arrival.agent == body.agent]),
+            radio_refusals=tuple([t.refusal for t in traffic.transmissions if t.sender == body.agent and t.refusal]),
         )
 
 
@@ -321,7 +320,7 @@ def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
     wx, wy, wz = body.angular_velocity_body_rad_s
     x, y, z = mount_body_m
     swing_body_m_s = np.array((wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
-    swing = world_from_body_rotation(body.quaternion_wxyz) @ swing_body_m_s
+    swing = elementary.product(world_from_body_rotation(body.quaternion_wxyz), swing_body_m_s)
     v = body.velocity_world_m_s
     return (v[0] + float(swing[0]), v[1] + float(swing[1]), v[2] + float(swing[2]))
 

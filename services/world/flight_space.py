@@ -113,13 +113,6 @@ class FlightSpace:
             return self._refusal_of_bounds(name, position_world_m, self._margin_m)
         return self.refusal(name, position_world_m)
 
-    def is_open(self, places_m: NDArray[np.float64]) -> bool:
-        """Return whether (n, 3) places, world frame [m], all lie in the room and in free cells."""
-        cells = self.room.grid.cell_of(places_m)
-        if not self.room.grid.contains_cell(cells).all():
-            return False
-        return not (self.room.occupancy[tuple(cells.T)] == _SOLID).any()
-
     def find_start_refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a vehicle cannot start at a place; as `refusal`, but it may stand on the floor."""
         return self._refusal_of_bounds(name, position_world_m, 0.0) or self._refusal_of_cell(name, position_world_m)

@@ -8,7 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance, norm3
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.trajectory import (
@@ -22,6 +24,8 @@ from gslcosim_services.world.trajectory import (
     plan_to_point,
     plan_to_state,
     plan_to_velocity,
+    polynomial_position,
+    polynomial_state,
     to_vec3,
 )
 
@@ -74,7 +78,7 @@ def find_motion_refusal(leg: Leg, limits: Limits) -> str | None:
         ("velocity", leg.velocity_world_m_s, limits.max_speed_m_s, "m/s"),
         ("acceleration", leg.acceleration_world_m_s2, limits.max_acceleration_m_s2, "m/s^2"),
     ):
-        size = math.hypot(*vector)
+        size = math.sqrt(sum(part * part for part in vector))
         if is_beyond_limit(size, most):
             return f"{leg.name}.{name}: expected at most {most:g} {unit}, was {size:g} {unit}."
     if leg.hold_s and leg.is_passed:
@@ -177,6 +181,9 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
 def warm_up_leg_planning() -> None:
     """Plan an invented path once, so that no kernel is compiled or loaded while simulated time passes."""
     deviates_too_far(np.zeros((3, 6)), 1.0, np.zeros(3), np.ones(3), 1.0)
+    polynomial_position(np.zeros((3, 6)), 1.0)
+    polynomial_state(np.zeros((3, 6)), 1.0)
+    elementary.acos(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +197,7 @@ class RoverPlanner:
     def along(self, leg: Leg, motion: MotionState, tick: int) -> tuple[Trajectory, bool]:
         """Return the path along a leg, or the stop or turn that has to come before it."""
         leg = _on_ground(leg, float(motion.state[0, 2]))
-        if math.dist(leg.place_world_m, motion.state[0]) < _GOAL_TOLERANCE_M and not leg.is_passed:
+        if distance(leg.place_world_m, motion.state[0]) < _GOAL_TOLERANCE_M and not leg.is_passed:
             return self._stop(motion, tick), False
         path = plan_leg(leg, motion.state, self.limits, tick, self.tick_ns)
         if deviates_from_line(leg, path, motion.state, self.limits):
@@ -206,9 +213,9 @@ class RoverPlanner:
     def _prepared(self, path: Trajectory, motion: MotionState, tick: int) -> tuple[Trajectory, bool]:
         # At the very start a path from rest has no direction yet.
         velocity: NDArray[np.float64] = path.state_after(0.05 * path.duration_s)[1]
-        direction_rad = math.atan2(float(velocity[1]), float(velocity[0]))
+        direction_rad = elementary.atan2(float(velocity[1]), float(velocity[0]))
         off_rad = abs(math.remainder(direction_rad - motion.yaw_rad, 2 * math.pi))
-        is_standing = math.hypot(*motion.state[1]) < _STANDSTILL_SPEED_M_S
+        is_standing = norm3(*motion.state[1]) < _STANDSTILL_SPEED_M_S
         if off_rad <= (MIN_TURN_RAD if is_standing else MIN_STOP_TURN_RAD):
             return path, False
         if not is_standing:

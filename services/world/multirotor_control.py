@@ -14,6 +14,7 @@ from typing import Any
 
 import numba
 
+from gslcosim.base import elementary
 from gslcosim.contract.participant import Inbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import RotorWeakensSpec
@@ -269,7 +270,7 @@ def advance_heading_inplace(vehicle, state, v_x, v_y, dt_s):
         tests/unit/services/world/test_heading.py
     """
     if state.faces_path and v_x * v_x + v_y * v_y > _MIN_PATH_SPEED_M_S**2:
-        state.wanted_yaw_rad = math.atan2(v_y, v_x)
+        state.wanted_yaw_rad = elementary.atan2(v_y, v_x)
     error = state.wanted_yaw_rad - state.yaw_rad
     if error == 0.0 and state.yaw_rate_rad_s == 0.0:
         return
@@ -295,7 +296,7 @@ def align_heading_reference_inplace(state, R):
     Held by:
         tests/unit/services/world/test_setpoints.py
     """
-    state.yaw_rad = math.atan2(R[3], R[0])
+    state.yaw_rad = elementary.atan2(R[3], R[0])
     state.wanted_yaw_rad = state.yaw_rad
     state.yaw_rate_rad_s = 0.0
 
@@ -335,7 +336,7 @@ def attitude_from_force(f_x, f_y, f_z, j_x, j_y, j_z, yaw, yaw_rate):
     """
     size = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
     b3x, b3y, b3z = f_x / size, f_y / size, f_z / size
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = elementary.cos(yaw), elementary.sin(yaw)
     # b3 x c, never zero because f_z > 0.
     b2x, b2y, b2z = -b3z * s, b3z * c, b3x * s - b3y * c
     n = math.sqrt(b2x * b2x + b2y * b2y + b2z * b2z)
@@ -358,9 +359,9 @@ def attitude_from_angles(roll, pitch, yaw):
     Held by:
         tests/unit/services/world/test_multirotor_control.py
     """
-    cr, sr = math.cos(roll), math.sin(roll)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
+    cr, sr = elementary.cos(roll), elementary.sin(roll)
+    cp, sp = elementary.cos(pitch), elementary.sin(pitch)
+    cy, sy = elementary.cos(yaw), elementary.sin(yaw)
     return (
         cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
         sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,

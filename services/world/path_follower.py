@@ -1,6 +1,5 @@
 """Path follower of one vehicle: path, velocity or setpoint in effect, legs ahead, arrival, and overturning."""
 
-import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -9,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import scalar_kernel
+from gslcosim.base.scalar_kernels import distance, norm3, scalar_kernel
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import AT_REST, FlightPlanner, Leg, LegPlanner, MotionState, RoverPlanner
@@ -206,8 +205,8 @@ def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "pa
         return "under_way"
     if follower.leg is not None and follower.leg.is_passed:
         return "passed"
-    distance_m = math.dist(follower.position_m, follower.trajectory.end_world_m)
-    if has_arrived(distance_m, math.hypot(*follower.velocity_m_s)):
+    distance_m = distance(follower.position_m, follower.trajectory.end_world_m)
+    if has_arrived(distance_m, norm3(*follower.velocity_m_s)):
         return "there"
     return "late" if is_too_late(follower.late_s(tick)) else "under_way"
 
@@ -253,7 +252,7 @@ def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
         The notice for the agent.
     """
     end_m = follower.trajectory.end_world_m
-    distance_m = math.dist(follower.position_m, end_m)
+    distance_m = distance(follower.position_m, end_m)
     back = back_off_frac(distance_m)
     x_m, y_m, z_m = (p + back * (p - end) for p, end in zip(follower.position_m, end_m, strict=True))
     is_free = space.refusal("back", (x_m, y_m, z_m)) is None
@@ -283,7 +282,7 @@ class OverturnDetector:
             uprightness: Cosine of the angle between the vehicle's z axis and the vertical.
             velocity_m_s: Its velocity [m/s].
         """
-        if uprightness >= OVERTURNED_COSINE or math.hypot(*velocity_m_s) >= ARRIVAL_SPEED_M_S:
+        if uprightness >= OVERTURNED_COSINE or norm3(*velocity_m_s) >= ARRIVAL_SPEED_M_S:
             self._since_tick = None
             return False
         if self._since_tick is None:

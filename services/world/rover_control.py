@@ -12,6 +12,7 @@ import math
 
 import numba
 
+from gslcosim.base import elementary
 from gslcosim_services.world.multirotor_control import (
     DRIVE,
     advance_heading_inplace,
@@ -62,7 +63,7 @@ def path_speed_and_turn(vehicle, state, x, y, yaw, t_s, dt_s):
     y_r, v_r, a_y, _ = reference_at(state, 1, t_s)
     speed = math.sqrt(u_r * u_r + v_r * v_r)
     if speed > _STANDSTILL_SPEED_M_S:
-        direction = math.atan2(v_r, u_r)
+        direction = elementary.atan2(v_r, u_r)
         turn = (u_r * a_y - v_r * a_x) / (speed * speed)
         state.yaw_rad = direction
         state.wanted_yaw_rad = direction
@@ -70,11 +71,11 @@ def path_speed_and_turn(vehicle, state, x, y, yaw, t_s, dt_s):
     else:
         advance_heading_inplace(vehicle, state, 0.0, 0.0, dt_s)
         direction, turn = state.yaw_rad, state.yaw_rate_rad_s
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = elementary.cos(yaw), elementary.sin(yaw)
     e_x, e_y = c * (x_r - x) + s * (y_r - y), c * (y_r - y) - s * (x_r - x)
     e_th = min(max(wrap_angle(direction - yaw), -0.5 * math.pi), 0.5 * math.pi)
-    v = speed * math.cos(e_th) + vehicle.along_gain_s * e_x
-    return v, turn + speed * vehicle.across_gain_m2 * e_y + vehicle.heading_gain_s * math.sin(e_th)
+    v = speed * elementary.cos(e_th) + vehicle.along_gain_s * e_x
+    return v, turn + speed * vehicle.across_gain_m2 * e_y + vehicle.heading_gain_s * elementary.sin(e_th)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -150,7 +151,7 @@ def step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s):
             speed, turn = state.drive_speed_m_s, state.drive_turn_rad_s
             align_heading_reference_inplace(state, R)
         else:
-            yaw = math.atan2(R[3], R[0])
+            yaw = elementary.atan2(R[3], R[0])
             speed, turn = path_speed_and_turn(vehicle, state, p[0], p[1], yaw, t_s, dt_s)
             state.drive_speed_m_s, state.drive_turn_rad_s = speed, turn
     left, right = wheel_speeds(vehicle, speed, turn)

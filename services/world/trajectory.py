@@ -181,6 +181,15 @@ def polynomial_state(coefficients, t_s):
 
 
 @numba.njit(cache=True, nogil=True)
+def polynomial_position(coefficients, t_s):
+    """Return the first row of `polynomial_state` as three numbers."""
+    x, _, _, _ = polynomial_at(coefficients, 0, t_s)
+    y, _, _, _ = polynomial_at(coefficients, 1, t_s)
+    z, _, _, _ = polynomial_at(coefficients, 2, t_s)
+    return x, y, z
+
+
+@numba.njit(cache=True, nogil=True)
 def write_polynomial_state_inplace(state, coefficients, t_s):
     """Write what `polynomial_state` returns into `state` (3, 3)."""
     for axis in range(3):
@@ -448,6 +457,10 @@ class Trajectory:
     forgets_integral: bool = False
     heading: Heading = UNCHANGED_HEADING
 
+    def position_at(self, tick: int, tick_ns: int) -> Vec3:
+        """Return the position of the reference at the end of a tick, world frame [m]."""
+        return self._position_after(seconds_from_ticks(tick - self.start_tick, tick_ns))
+
     def state_at(self, tick: int, tick_ns: int) -> NDArray[np.float64]:
         """Return the reference at the end of a tick as (3, 3): rows position [m], velocity [m/s], acceleration."""
         return self.state_after(seconds_from_ticks(tick - self.start_tick, tick_ns))
@@ -455,11 +468,17 @@ class Trajectory:
     def state_after(self, t_s: float) -> NDArray[np.float64]:
         """Return the reference at a time since the end of the start tick [s]."""
         if is_path_over(t_s, self.duration_s):
-            beyond_s = max(0.0, t_s - self.duration_s)
-            velocity = np.array(self.end_velocity_world_m_s)
-            acceleration = np.array(self.end_acceleration_world_m_s2) if beyond_s <= _TIME_TOLERANCE_S else np.zeros(3)
-            return np.array([np.array(self.end_world_m) + beyond_s * velocity, velocity, acceleration])
+            is_at_end = t_s - self.duration_s <= _TIME_TOLERANCE_S
+            acceleration = self.end_acceleration_world_m_s2 if is_at_end else _ZERO
+            return np.array([self._position_after(t_s), self.end_velocity_world_m_s, acceleration])
         return polynomial_state(self.coefficients, t_s)
+
+    def _position_after(self, t_s: float) -> Vec3:
+        if not is_path_over(t_s, self.duration_s):
+            return polynomial_position(self.coefficients, t_s)
+        beyond_s = max(0.0, t_s - self.duration_s)
+        (x, y, z), (u, v, w) = self.end_world_m, self.end_velocity_world_m_s
+        return x + beyond_s * u, y + beyond_s * v, z + beyond_s * w
 
     def is_over(self, tick: int, tick_ns: int) -> bool:
         """Return whether the polynomial has ended at the end of a tick."""

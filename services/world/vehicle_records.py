@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError
 from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
 from gslcosim.scenario.models.scenario import VehicleSpec
@@ -22,6 +23,8 @@ from gslcosim_services.world.trajectory import Limits, Trajectory
 _PLANNED_ACCELERATION_FRACTION = 0.9
 # Air drag may take up to this fraction of that.
 _MAX_DRAG_FRACTION = 0.5
+# More than rounding.
+_REACH_MARGIN_M = 1e-3
 
 Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
 # Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
@@ -30,6 +33,10 @@ CONSTANTS = np.dtype(
         ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
         ("i_qvel", np.int64),
         ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
+        ("i_body", np.int64),  # its body, and the bits of what that collides as, and with
+        ("contype", np.int32),
+        ("conaffinity", np.int32),
+        ("reach_m", np.float64),  # nothing farther from its origin than this touches it, but for what is on wheels
         ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as commanded and the air does not
         ("has_wheels", np.int64),
         ("mass_kg", np.float64),
@@ -122,7 +129,9 @@ def derive_capabilities(spec: VehicleSpec, model: Vehicle, constants: Any, half_
         limits=_feasible_limits(spec, model, constants),
         has_rotors=model.rotors is not None,
         has_wheels=model.drives,
-        max_thrust_n=int(constants["n_rotors"]) * float(constants["thrust_coefficient_n_s2"]) * speed_rad_s**2,
+        max_thrust_n=int(constants["n_rotors"])
+        * float(constants["thrust_coefficient_n_s2"])
+        * (speed_rad_s * speed_rad_s),
         max_yaw_rate_rad_s=model.body.max_yaw_rate_rad_s,
         standing_height_m=half_height_m,
     )
@@ -156,13 +165,19 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
     body = model.body(f"{prefix}body").id
     free = model.joint(f"{prefix}free")
     record["i_qpos"], record["i_qvel"], record["i_touch"] = free.qposadr[0], free.dofadr[0], -1
+    record["i_body"], record["contype"], record["conaffinity"] = (
+        body,
+        model.body_contype[body],
+        model.body_conaffinity[body],
+    )
+    record["reach_m"] = _find_reach_m(model, body)
     record["mass_kg"] = model.body_subtreemass[body]
     record["gravity_m_s2"] = -model.opt.gravity[2]
     record["inertia_kg_m2"] = model.body_inertia[body]
     record["max_yaw_rate_rad_s"] = vehicle.body.max_yaw_rate_rad_s
     if vehicle.control is not None:
         _set_parameters(record, vehicle.control)
-        record["max_tilt_tangent"] = math.tan(vehicle.control.max_tilt_rad)
+        record["max_tilt_tangent"] = elementary.tan(vehicle.control.max_tilt_rad)
     if vehicle.rotors is not None:
         record["has_rotors"] = 1
         _set_rotors(record, vehicle.name, vehicle.rotors, dt_s)
@@ -170,6 +185,15 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
         record["has_wheels"] = 1
         _set_parameters(record, vehicle.wheels)
         record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
+
+
+# From the body's origin to the farthest point of its geoms, those of wheels in any position, and their margins.
+def _find_reach_m(model: mujoco.MjModel, body: int) -> float:
+    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
+    arms_m = np.linalg.norm(model.geom_pos[geoms], axis=1) + model.geom_rbound[geoms]
+    is_part = model.geom_bodyid[geoms] != body
+    arms_m += is_part * np.linalg.norm(model.body_pos[model.geom_bodyid[geoms]], axis=1)
+    return float(arms_m.max() + 2.0 * model.geom_margin.max()) + _REACH_MARGIN_M
 
 
 # The parameters that a record has by the same name.
@@ -184,8 +208,8 @@ def _set_rotors(record: Any, name: str, rotors: RotorParameters, dt_s: float) ->
     record["n_rotors"] = n_rotors = rotors.n_rotors
     record["wrench_from_thrusts"][:, :n_rotors] = wrench_from_thrusts = rotors.wrench_from_thrusts()
     record["thrusts_from_wrench"][:n_rotors] = _thrusts_from_wrench(wrench_from_thrusts)
-    record["response_up"] = -math.expm1(-dt_s / rotors.time_constant_up_s)
-    record["response_down"] = -math.expm1(-dt_s / rotors.time_constant_down_s)
+    record["response_up"] = -elementary.expm1(-dt_s / rotors.time_constant_up_s)
+    record["response_down"] = -elementary.expm1(-dt_s / rotors.time_constant_down_s)
     record["half_density_drag_area_kg_m"] = 0.5 * rotors.air_density_kg_m3 * np.array(rotors.drag_area_m2)
     hover_speed_rad_s = hover_rotor_speed_rad_s(record)
     if hover_speed_rad_s >= rotors.max_rotor_speed_rad_s:
@@ -242,5 +266,7 @@ def hover_rotor_speed_rad_s(record: Any) -> float:
 # Four rotors give each wrench in one way; of the ways that more can, the pseudo-inverse takes that of the least squares
 # of thrusts, in which all carry the same in hover where they stand evenly.
 def _thrusts_from_wrench(wrench_from_thrusts: NDArray[np.float64]) -> NDArray[np.float64]:
-    invert = np.linalg.inv if wrench_from_thrusts.shape[1] == MIN_ROTORS else np.linalg.pinv
-    return invert(wrench_from_thrusts).astype(np.float64)
+    if wrench_from_thrusts.shape[1] == MIN_ROTORS:
+        return elementary.solve(wrench_from_thrusts, np.eye(MIN_ROTORS))
+    transposed = wrench_from_thrusts.T
+    return elementary.solve(elementary.product(wrench_from_thrusts, transposed), wrench_from_thrusts).T

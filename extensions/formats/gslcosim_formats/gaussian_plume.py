@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.base.spec import Positive, Spec
 from gslcosim.scenario.models.gas import GasSpec
 from gslcosim_services.fields.gas_field import GasField
@@ -38,7 +40,7 @@ OPEN_COUNTRY = {
 }
 # Knots of a path in a correlation time; between them it is interpolated.
 KNOTS_PER_CORRELATION_TIME = 20
-KNOT_CORRELATION = math.exp(-1.0 / KNOTS_PER_CORRELATION_TIME)
+KNOT_CORRELATION = elementary.exp(-1.0 / KNOTS_PER_CORRELATION_TIME)
 
 
 class PlumeSpec(Spec):
@@ -102,7 +104,9 @@ def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tup
         tests/unit/services/fields/models/test_gaussian_plume.py
     """
     a, b, c, p = OPEN_COUNTRY[stability]
-    return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * (1.0 + c * downwind_m) ** p
+    return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * elementary.pow_each(
+        1.0 + c * downwind_m, p
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +140,7 @@ class GaussianPlume:
 
     def along_and_across_m(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Return (n,) distances along and across the wind [m] of (n, 3) points, and the wind's speed [m/s]."""
-        speed_m_s = float(np.hypot(self.wind_world_m_s[0], self.wind_world_m_s[1]))
+        speed_m_s = norm2(self.wind_world_m_s[0], self.wind_world_m_s[1])
         if speed_m_s == 0.0:
             raise ModelError("gaussian plume: expected a horizontal wind that is not zero, was calm air.")
         along = np.array(self.wind_world_m_s[:2]) / speed_m_s
@@ -157,10 +161,10 @@ class GaussianPlume:
         speed_m_s: float,
     ) -> NDArray[np.float64]:
         h_m = self.position_world_m[2] + rise_m
-        upward = np.exp(-((z_m - h_m) ** 2) / (2.0 * sigma_z_m**2))
+        upward = elementary.exp_each(-np.square(z_m - h_m) / (2.0 * (sigma_z_m * sigma_z_m)))
         if self.has_ground:
-            upward = upward + np.exp(-((z_m + h_m) ** 2) / (2.0 * sigma_z_m**2))
-        across = np.exp(-(y_m**2) / (2.0 * sigma_y_m**2))
+            upward = upward + elementary.exp_each(-np.square(z_m + h_m) / (2.0 * (sigma_z_m * sigma_z_m)))
+        across = elementary.exp_each(-(y_m * y_m) / (2.0 * (sigma_y_m * sigma_y_m)))
         ppm = 1e6 * self.release_m3_s / (2.0 * np.pi * sigma_y_m * sigma_z_m * speed_m_s) * across * upward
         return np.where(x_m > 0.0, ppm, 0.0)
 
@@ -187,14 +191,14 @@ class WanderingPath:
         i = position.astype(np.int64)
         self._extend(int(i.max(initial=0)) + 2)
         a = position - i
-        scale = np.sqrt((1.0 - a) ** 2 + a**2 + 2.0 * a * (1.0 - a) * self._rho)
+        scale = np.sqrt((1.0 - a) * (1.0 - a) + a * a + 2.0 * a * (1.0 - a) * self._rho)
         return ((1.0 - a) * self._knots[i] + a * self._knots[i + 1]) / scale
 
     def _extend(self, n: int) -> None:
         n_new = n - len(self._knots)
         if n_new <= 0:
             return
-        draws = self._rng.standard_normal(n_new) * math.sqrt(1.0 - self._rho**2)
+        draws = self._rng.standard_normal(n_new) * math.sqrt(1.0 - self._rho * self._rho)
         knots = [float(self._knots[-1])]
         for draw in draws.tolist():
             knots.append(self._rho * knots[-1] + draw)
@@ -240,7 +244,7 @@ class MeanderingPlume:
         x_m, y_m, speed_m_s = self.mean.along_and_across_m(points)
         sigma_y_m, sigma_z_m = spreads_m(np.where(x_m > 0.0, x_m, 1.0), self.mean.stability)
         left_s = time_s - np.maximum(x_m, 0.0) / speed_m_s
-        wander = math.sqrt(1.0 - self.instantaneous_frac**2)
+        wander = math.sqrt(1.0 - self.instantaneous_frac * self.instantaneous_frac)
         f = self.instantaneous_frac
         ppm = self.mean._mixing_ratio_ppm(
             x_m,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.environment.generation.cache import find_environment
 from gslcosim.environment.generation.provenance import WindMaker, find_mixed_air, read_wind_provenance
 from gslcosim.environment.model import Grid
@@ -121,7 +122,7 @@ def _find_cost_problems(wind: WindSpec, grid: Grid) -> Iterable[Problem]:
     from gslcosim.flow.domain import BYTES_PER_CELL
 
     n_cells = math.prod(grid.shape)
-    step_s = wind.courant * grid.cell_m / max(_PEAK_RATIO * math.hypot(*wind.inlet_velocity_m_s), 1e-3)
+    step_s = wind.courant * grid.cell_m / max(_PEAK_RATIO * norm3(*wind.inlet_velocity_m_s), 1e-3)
     n_steps = (wind.end_time_s or _USUAL_END_S) / min(step_s, wind.max_step_s or math.inf)
     memory_gb, time_s = n_cells * BYTES_PER_CELL / 1e9, n_cells * n_steps / _CELL_STEPS_PER_S
     if time_s <= _LONG_SOLVE_S and memory_gb <= _LARGE_SOLVE_GB:

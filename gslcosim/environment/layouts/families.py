@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gslcosim.base import elementary
 from gslcosim.base.rng import stream
 from gslcosim.environment.model import Box, Grid, Opening
 from gslcosim.scenario.models.geometry import (
@@ -262,10 +263,10 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
     """
     low, high = (round((corner[2] - grid.origin_m[2]) / grid.cell_m) for corner in (inlet.min_m, inlet.max_m))
     z0 = layout.roughness_m
-    scale = math.log((layout.reference_height_m + z0) / z0)
+    scale = elementary.log((layout.reference_height_m + z0) / z0)
     layers: list[Opening] = []
     for k in range(low, high):
-        factor = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
+        factor = elementary.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
         bottom_m, top_m = (round(grid.origin_m[2] + i * grid.cell_m, 9) for i in (k, k + 1))
         u_m_s, v_m_s, w_m_s = inlet.velocity_m_s
         layers.append(
@@ -553,7 +554,7 @@ def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, 
 
 def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
     """Return the corners, counterclockwise, of a rectangle turned about its centre."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    cos, sin = elementary.cos(angle_rad), elementary.sin(angle_rad)
     return tuple(
         (
             centre_m[0] + cos * sx * size_m[0] / 2 - sin * sy * size_m[1] / 2,
@@ -566,9 +567,9 @@ def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[P
 def circle_corners(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
     """Return the corners of a regular polygon of the same area as a circle."""
     step = 2 * math.pi / N_CIRCLE
-    reach_m = radius_m * math.sqrt(step / math.sin(step))
+    reach_m = radius_m * math.sqrt(step / elementary.sin(step))
     return tuple(
-        (centre_m[0] + reach_m * math.cos(i * step), centre_m[1] + reach_m * math.sin(i * step))
+        (centre_m[0] + reach_m * elementary.cos(i * step), centre_m[1] + reach_m * elementary.sin(i * step))
         for i in range(N_CIRCLE)
     )
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
+from gslcosim.base import elementary
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import build_occupancy, find_occupancy_problems
@@ -170,8 +171,8 @@ def _build_once(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeomet
 def _find_size_problems(size_m: Vec3, cell_m: float) -> Iterator[Problem]:
     n_cells = math.prod(length_m / cell_m for length_m in size_m)
     if n_cells > MAX_CELLS:
-        coarser_m = cell_m * (n_cells / MAX_CELLS) ** (1 / 3)
-        step_m = 10.0 ** (math.floor(math.log10(coarser_m)) - 1)
+        coarser_m = cell_m * elementary.cbrt(n_cells / MAX_CELLS)
+        step_m = float(f"1e{math.floor(elementary.log10(coarser_m)) - 1}")
         yield Problem(
             where="wind.cell_m",
             expected=f"cells that divide the room into at most {MAX_CELLS:.3g}",

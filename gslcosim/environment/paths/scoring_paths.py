@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.cell_kernels import is_step_free
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
@@ -186,7 +187,7 @@ def shortest_path(
     start, goal = np.asarray(start_m, dtype=np.float64), np.asarray(goal_m, dtype=np.float64)
     if not _is_air(environment, start) or (within_m == 0.0 and not _is_air(environment, goal)):
         return None
-    distance_m = float(np.linalg.norm(goal - start))
+    distance_m = norm3(*(goal - start).tolist())
     if distance_m <= within_m:
         return start[np.newaxis]
     straight = np.stack([start, goal - (goal - start) * (within_m / distance_m)])
@@ -206,7 +207,7 @@ def shortest_path(
     tightened_m = _tightened(_cut_short(points_m, goal, within_m), cell_m, sees)
     # The last leg turns straight to the goal, where its new end is in sight.
     offset = tightened_m[-2] - goal
-    end = goal + offset * (within_m / float(np.linalg.norm(offset)))
+    end = goal + offset * (within_m / norm3(*offset.tolist()))
     if sees(tightened_m[-2], end):
         tightened_m = np.concatenate([tightened_m[:-1], [end]])
     return _tightened(tightened_m, cell_m, sees)
@@ -235,7 +236,7 @@ def shortest_level_path_m(
     rise_m = goal_m[2] - start_m[2]
     if within_m and abs(rise_m) > within_m:
         return None
-    reach_m = math.sqrt(within_m**2 - rise_m**2) if within_m else 0.0
+    reach_m = math.sqrt(within_m * within_m - rise_m * rise_m) if within_m else 0.0
     layer = layer_at(environment, start_m[2])
     ends_m = ((x_m, y_m, 0.0) for x_m, y_m, _ in (start_m, goal_m))
     return shortest_path_m(layer, *ends_m, clearance_m=clearance_m, within_m=reach_m)
@@ -276,7 +277,7 @@ def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: fl
     for axis in range(3):
         nearest_m2 = squared_m2.copy()
         for n in range(1, min(n_shifts, is_solid.shape[axis] - 1) + 1):
-            away_m2 = np.float32((max(n - 0.5, 0.0) * cell_m) ** 2)
+            away_m2 = np.float32(np.square(max(n - 0.5, 0.0) * cell_m))
             near, far = (slice(None),) * axis + (slice(n, None),), (slice(None),) * axis + (slice(None, -n),)
             np.minimum(nearest_m2[near], squared_m2[far] + away_m2, out=nearest_m2[near])
             np.minimum(nearest_m2[far], squared_m2[near] + away_m2, out=nearest_m2[far])
@@ -326,7 +327,11 @@ def _cut_short(points_m: NDArray[np.float64], goal: NDArray[np.float64], within_
     for i in range(1, len(points_m)):
         leg, offset = points_m[i] - points_m[i - 1], points_m[i - 1] - goal
         # |offset + t leg| = within_m, the smaller root.
-        a, b, c = float(leg @ leg), float(offset @ leg), float(offset @ offset) - within_m**2
+        a, b, c = (
+            float((leg * leg).sum()),
+            float((offset * leg).sum()),
+            float((offset * offset).sum()) - within_m * within_m,
+        )
         if a == 0.0 or b * b < a * c:
             continue
         t = (-b - np.sqrt(b * b - a * c)) / a
@@ -372,4 +377,4 @@ def _better_bend(
 
 
 def _length_m(*points: NDArray[np.float64]) -> float:
-    return sum(math.dist(a, b) for a, b in pairwise(points))
+    return sum(norm3(*(b - a).tolist()) for a, b in pairwise(points))

@@ -7,6 +7,8 @@ import math
 import numba
 import numpy as np
 
+from gslcosim.base import elementary
+
 # Each part of a step is a short loop over a batch, so that vector instructions do it for several filaments at once. A
 # compiler uses them only if it can prove that a write does not change the next read. Therefore the numbers of a batch
 # are in few flat arrays at constant distances: those of the x axis side by side, those of y a BATCH further and those
@@ -49,18 +51,18 @@ _UNIT_53 = 2.0**-53
 def _layers():
     # Right edges of the ziggurat's layers, from the base (whose width stands for its tail) up to the tip at zero.
     edge = np.zeros(N_LAYERS + 1)
-    density = math.exp(-0.5 * TAIL_START**2)
+    density = elementary.exp(-0.5 * TAIL_START * TAIL_START)
     edge[0] = _LAYER_AREA / density
     edge[1] = TAIL_START
     for i in range(2, N_LAYERS):
         density += _LAYER_AREA / edge[i - 1]
-        edge[i] = math.sqrt(-2.0 * math.log(density))
+        edge[i] = math.sqrt(-2.0 * elementary.log(density))
     return edge
 
 
 _EDGE = _layers()
 _INNER_FRAC = _EDGE[1:] / _EDGE[:-1]
-_DENSITY = np.exp(-0.5 * _EDGE**2)
+_DENSITY = elementary.exp_each(-0.5 * (_EDGE * _EDGE))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -115,13 +117,13 @@ def _normal_outside_core(bits, layer, u):
         if layer == 0:
             while True:
                 bits = mix_bits(bits + _GOLDEN)
-                tail = -math.log(_uniform(bits)) / TAIL_START
+                tail = -elementary.log(_uniform(bits)) / TAIL_START
                 bits = mix_bits(bits + _GOLDEN)
-                if -2.0 * math.log(_uniform(bits)) > tail * tail:
+                if -2.0 * elementary.log(_uniform(bits)) > tail * tail:
                     return TAIL_START + tail if u > 0.0 else -TAIL_START - tail
         bits = mix_bits(bits + _GOLDEN)
         height = _DENSITY[layer] + _uniform(bits) * (_DENSITY[layer + 1] - _DENSITY[layer])
-        if height < math.exp(-0.5 * x * x):
+        if height < elementary.exp(-0.5 * x * x):
             return x
         bits = mix_bits(bits + _GOLDEN)
         layer = np.int64(bits & _LAYER_MASK)

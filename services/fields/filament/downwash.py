@@ -94,7 +94,8 @@ def blow_filaments_inplace(
                 below = (rotors_world_m[k, 2] - z) / size_m
                 if below <= 0.0 or below > REACH_BELOW:
                     break
-                aside = math.hypot(x - rotors_world_m[k, 0], y - rotors_world_m[k, 1]) / size_m
+                dx_m, dy_m = x - rotors_world_m[k, 0], y - rotors_world_m[k, 1]
+                aside = math.sqrt(dx_m * dx_m + dy_m * dy_m) / size_m
                 speed_m_s = jet_speed_m_s(below, aside, outflow_m_s[k])
                 if speed_m_s <= 0.0:
                     break
@@ -121,7 +122,7 @@ def outflow_m_s(vehicle: Vehicle) -> float:
     rotors = vehicle.rotors
     if rotors is None:
         return 0.0
-    disc_m2 = math.pi * rotors.rotor_radius_m**2
+    disc_m2 = math.pi * rotors.rotor_radius_m * rotors.rotor_radius_m
     return math.sqrt(vehicle.body.mass_kg * GRAVITY_M_S2 / rotors.n_rotors / (2.0 * AIR_KG_M3 * disc_m2))
 
 

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
@@ -46,7 +47,7 @@ class Buoyancy:
 
     def velocity_m_s(self, sigma_m: float) -> float:
         """Return the vertical velocity of a filament of this size [m/s], upward."""
-        return self.coefficient / sigma_m**self.power
+        return self.coefficient / elementary.pow(sigma_m, float(self.power))
 
 
 NEUTRAL = Buoyancy()
@@ -97,7 +98,7 @@ def gaden_3_buoyancy(specific_gravity: float, ppm: float, sigma_m: float) -> Buo
         10 ppm)
     """
     at_birth = _GADEN_3_GRAVITY_M_S2 * (1.0 - specific_gravity) * _GADEN_3_AIR_KG_M3 * ppm * 1e-6
-    return Buoyancy(coefficient=at_birth / (18.0 * _GADEN_3_VISCOSITY_PA_S) * sigma_m**3, power=3)
+    return Buoyancy(coefficient=at_birth / (18.0 * _GADEN_3_VISCOSITY_PA_S) * (sigma_m * sigma_m * sigma_m), power=3)
 
 
 class FilamentTable:
@@ -213,7 +214,7 @@ def filament_amount_mol(ppm: float, sigma_m: float) -> float:
     Held by:
         tests/unit/services/fields/filament/test_plume.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
     """
-    return ppm * 1e-6 * air_density_mol_m3() * (2.0 * math.pi) ** 1.5 * sigma_m**3
+    return ppm * 1e-6 * air_density_mol_m3() * 2.0 * math.pi * math.sqrt(2.0 * math.pi) * (sigma_m * sigma_m * sigma_m)
 
 
 # Random numbers of a run: the keys of the movements and of the places of birth, and the births of each source.

@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
 
 # Filament number rate * t exists at t even when the product is rounded down by its last digit.
@@ -210,18 +211,22 @@ def _on_line(uniforms: NDArray[np.float64]) -> NDArray[np.float64]:
 
 # Of diameter 1: the radius grows as the cube root of the enclosed volume.
 def _in_sphere(uniforms: NDArray[np.float64]) -> NDArray[np.float64]:
-    radius = 0.5 * np.cbrt(uniforms[:, 0])
+    radius = 0.5 * elementary.cbrt_each(uniforms[:, 0])
     height = 2.0 * uniforms[:, 1] - 1.0
-    across = np.sqrt(np.maximum(0.0, 1.0 - height**2))
+    across = np.sqrt(np.maximum(0.0, 1.0 - height * height))
     angle = 2.0 * np.pi * uniforms[:, 2]
-    return radius[:, None] * np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
+    return radius[:, None] * np.stack(
+        [across * elementary.cos_each(angle), across * elementary.sin_each(angle), height], axis=1
+    )
 
 
 # Of diameter and height 1: the radius grows as the square root of the enclosed area.
 def _in_cylinder(uniforms: NDArray[np.float64]) -> NDArray[np.float64]:
     radius = 0.5 * np.sqrt(uniforms[:, 0])
     angle = 2.0 * np.pi * uniforms[:, 1]
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), uniforms[:, 2] - 0.5], axis=1)
+    return np.stack(
+        [radius * elementary.cos_each(angle), radius * elementary.sin_each(angle), uniforms[:, 2] - 0.5], axis=1
+    )
 
 
 _UNIT_OFFSETS = {

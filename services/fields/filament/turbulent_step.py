@@ -7,6 +7,7 @@ import math
 import numba
 import numpy as np
 
+from gslcosim.base import elementary
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.fields.filament.counter_rng import derive_step_key, normal_at
 from gslcosim_services.fields.filament.filament_step import (
@@ -29,7 +30,7 @@ from gslcosim_services.fields.turbulence.eddies import eddy_velocity
 INNER_G = 0.03
 """Part of Richardson's constant that is within a filament: pairs of its molecules part as INNER_G eps t^3."""
 # sigma^2 = (INNER_G / 6) eps t^3 along each axis of a filament that begins as a point.
-_GROWTH = (INNER_G / 6.0) ** (1.0 / 3.0)
+_GROWTH = elementary.cbrt(INNER_G / 6.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -52,9 +53,9 @@ def grown_variance_m2(variance_m2, epsilon_root, length_m, dt_s):
     """
     rate = _GROWTH * epsilon_root
     if variance_m2 < length_m * length_m:
-        root = variance_m2 ** (1.0 / 3.0) + rate * dt_s
+        root = elementary.cbrt(variance_m2) + rate * dt_s
         return root * root * root
-    return variance_m2 + 3.0 * rate * length_m ** (4.0 / 3.0) * dt_s
+    return variance_m2 + 3.0 * rate * length_m * elementary.cbrt(length_m) * dt_s
 
 
 @numba.njit(cache=True, nogil=True)
@@ -112,8 +113,8 @@ def move_turbulent_filaments_inplace(
         s, sx, sy, sz = node_value_with_slopes(air.nodes, OWN_STD, origin_m, cell_m, x, y, z)
         rate, _, _, _ = node_value_with_slopes(air.nodes, OWN_RATE, origin_m, cell_m, x, y, z)
         epsilon_root, _, _, _ = node_value_with_slopes(air.nodes, EPSILON_ROOT, origin_m, cell_m, x, y, z)
-        rise = source_buoyancy[source_index[p]] / sigma_m[p] ** buoyancy_power
-        kept = math.exp(-dt_s * rate)
+        rise = source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
+        kept = elementary.exp(-dt_s * rate)
         pushed, spread = (1.0 - kept) / rate, math.sqrt(1.0 - kept * kept)
         first = np.uint64(filament_id[p]) * np.uint64(3)
         vx = kept * own_velocity[p, 0] + pushed * sx + spread * normal_at(step_key, first)

@@ -11,9 +11,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim.environment.positions import read_room
 from gslcosim.scenario import Scenario
@@ -221,10 +223,10 @@ def exact_gust_step(gusts: Gusts, dt_s: float) -> tuple[NDArray[np.float64], NDA
     """
     w, z = 2.0 * math.pi / gusts.period_s, gusts.damping
     w_d = w * math.sqrt(1.0 - z * z)
-    decay, c, s = math.exp(-z * w * dt_s), math.cos(w_d * dt_s), math.sin(w_d * dt_s)
+    decay, c, s = elementary.exp(-z * w * dt_s), elementary.cos(w_d * dt_s), elementary.sin(w_d * dt_s)
     transition = decay * np.array([[c + z * w / w_d * s, s / w_d], [-w * w / w_d * s, c - z * w / w_d * s]])
-    stationary = gusts.std_m_s**2 * np.diag([1.0, w * w])
-    added = stationary - transition @ stationary @ transition.T
+    stationary = gusts.std_m_s * gusts.std_m_s * np.diag([1.0, w * w])
+    added = stationary - elementary.product(elementary.product(transition, stationary), transition.T)
     first = math.sqrt(max(added[0, 0], 0.0))
     cross = added[1, 0] / first if first > 0.0 else 0.0
     return transition, np.array([[first, 0.0], [cross, math.sqrt(max(added[1, 1] - cross * cross, 0.0))]])
@@ -235,7 +237,9 @@ def stable_step_s(speed_m_s: float, viscosity_m2_s: float, dx_m: float, dy_m: fl
 
     dt <= 1 / (u / dx + u / dy + 2 nu (1 / dx^2 + 1 / dy^2))
     """
-    rate_per_s = speed_m_s * (1.0 / dx_m + 1.0 / dy_m) + 2.0 * viscosity_m2_s * (1.0 / dx_m**2 + 1.0 / dy_m**2)
+    rate_per_s = speed_m_s * (1.0 / dx_m + 1.0 / dy_m) + 2.0 * viscosity_m2_s * (
+        1.0 / (dx_m * dx_m) + 1.0 / (dy_m * dy_m)
+    )
     return 1.0 / rate_per_s if rate_per_s > 0.0 else math.inf
 
 
@@ -449,7 +453,7 @@ def _build_farrell_field(block: FarrellGasSpec, setup: GasSetup) -> GasField:
         n_nodes=spec.n_nodes,
     )
     field_of_air = open_sides_and_top(environment)
-    model = build_gas_model(scenario, field_of_air, wind_at=wind.at, own_speed_m_s=math.hypot(*mean_m_s))
+    model = build_gas_model(scenario, field_of_air, wind_at=wind.at, own_speed_m_s=norm2(*mean_m_s[:2]))
     source = OpenFieldPlume(model.plume, wind)
     source.reset(setup.seed)
     return FilamentField(

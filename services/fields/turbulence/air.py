@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.problems import Problem
 from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
 from gslcosim.environment.openings import cells_at
@@ -182,7 +183,7 @@ class KEpsilonFields:
 
 def integral_length_m(k_m2_s2: float, epsilon_m2_s3: float) -> float:
     """Return the longitudinal integral length 0.43 k^(3/2) / epsilon [m]."""
-    return LENGTH_PER_K_EPSILON * k_m2_s2**1.5 / epsilon_m2_s3
+    return LENGTH_PER_K_EPSILON * k_m2_s2 * math.sqrt(k_m2_s2) / epsilon_m2_s3
 
 
 def lagrangian_time_s(k_m2_s2: float, epsilon_m2_s3: float) -> float:
@@ -196,8 +197,8 @@ def lagrangian_time_s(k_m2_s2: float, epsilon_m2_s3: float) -> float:
 
 def k_epsilon_from_intensity(velocity_std_m_s: float, length_m: float) -> tuple[float, float]:
     """Return k [m2/s2] and epsilon [m2/s3] of a standard deviation along each axis and an integral length."""
-    k_m2_s2 = 1.5 * velocity_std_m_s**2
-    return k_m2_s2, LENGTH_PER_K_EPSILON * k_m2_s2**1.5 / length_m
+    k_m2_s2 = 1.5 * velocity_std_m_s * velocity_std_m_s
+    return k_m2_s2, LENGTH_PER_K_EPSILON * k_m2_s2 * math.sqrt(k_m2_s2) / length_m
 
 
 def mean_speed_m_s(environment: Environment) -> float:
@@ -290,7 +291,7 @@ def build_turbulent_air(
     nodes[..., AMPLITUDE] = potential_amplitude_m2_s(math.sqrt(1.0 - OWN_SHARE), spacing_m) * std * fade
     nodes[..., OWN_STD] = math.sqrt(OWN_SHARE) * std
     nodes[..., OWN_RATE] = 0.75 * LAGRANGIAN_C0 / OWN_TIME_RATIO * node_epsilon / node_k
-    nodes[..., EPSILON_ROOT] = np.cbrt(node_epsilon)
+    nodes[..., EPSILON_ROOT] = elementary.cbrt_each(node_epsilon)
     drift = np.zeros((1, 1, 1, 3)) if is_open else _smooth_wind(environment, air, length_m)
     return TurbulentAir(
         scales=scales,
@@ -341,7 +342,8 @@ def _distance_to_walls_m(environment: Environment, walls: Walled, *, reach_m: fl
 # Zero at a wall, one from a spacing on, smooth between: Bridson's ramp.
 def _fade_at_walls(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     r = np.minimum(distance, 1.0)
-    return r * (15.0 - 10.0 * r**2 + 3.0 * r**4) / 8.0
+    r_r = r * r
+    return r * (15.0 - r_r * (10.0 - 3.0 * r_r)) / 8.0
 
 
 def _smooth_wind(environment: Environment, air: NDArray[np.bool_], length_m: float) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.rng import stream
 
 N_LATTICE = 32
@@ -20,7 +21,7 @@ N_LAYERS = 2
 # Two more nodes along z spare the test for the end of a row.
 _ROW = 3 * (N_LATTICE + 2)
 # <(d psi_z / dy - d psi_y / dz)^2> of quadratic splines over unit normal numbers, in spacings: 2 (11/20)^2.
-_CURL_VARIANCE = 2.0 * 0.55**2
+_CURL_VARIANCE = 2.0 * 0.55 * 0.55
 # Splines over a lattice of spacing h correlate about as exp(-r^2 / h^2).
 _SPACING_PER_LENGTH = 2.0 / math.sqrt(math.pi)
 N_EDDY_OCTAVES = 3
@@ -36,14 +37,14 @@ _HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np
 
 def octave_shares(n: int) -> NDArray[np.float64]:
     """Return the fractions of n octaves in the energy of an inertial range, (size)^(2/3), of sum one."""
-    shares = 2.0 ** (-2.0 * np.arange(n) / 3.0)
+    shares = elementary.pow_each(2.0, -2.0 * np.arange(n) / 3.0)
     return shares / shares.sum()
 
 
 def largest_spacing_m(length_m: float) -> float:
     """Return the distance of nodes of the largest octave [m], so that all have a longitudinal integral length [m]."""
     shares = octave_shares(N_EDDY_OCTAVES)
-    return _SPACING_PER_LENGTH * length_m / float(shares @ 0.5 ** np.arange(N_EDDY_OCTAVES))
+    return _SPACING_PER_LENGTH * length_m / sum(np.ldexp(shares, -np.arange(N_EDDY_OCTAVES)).tolist())
 
 
 class EddyLayers(NamedTuple):
@@ -181,7 +182,7 @@ def list_pattern_ages(time_s: float, life_s: NDArray[np.floating]) -> list[Patte
             lives = time_s / octave_life_s + layer / N_LAYERS
             epoch = math.floor(lives)
             drift_s = (lives - epoch - 0.5) * octave_life_s
-            ages.append(PatternAge(octave, layer, epoch, drift_s, math.sin(math.pi * (lives - epoch))))
+            ages.append(PatternAge(octave, layer, epoch, drift_s, elementary.sin(math.pi * (lives - epoch))))
     return ages
 
 
@@ -209,9 +210,9 @@ class LargeEddies:
         if n_octaves > N_EDDY_OCTAVES:
             energy[N_EDDY_OCTAVES:] = fine_share * octave_shares(n_octaves - N_EDDY_OCTAVES)
         # A is a velocity times the largest spacing; smaller lattices have as much less.
-        self._factor = np.sqrt(energy) * 0.5**octaves
-        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * 2.0 ** (-2.0 * octaves / 3.0)
-        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * 0.5**octaves, N_LAYERS)
+        self._factor = np.sqrt(energy) * np.ldexp(1.0, -octaves)
+        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
+        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * np.ldexp(1.0, -octaves), N_LAYERS)
         self._seed = seed
 
     def reset(self, seed: int) -> None:

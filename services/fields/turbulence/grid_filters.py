@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
+
 _NONE = np.iinfo(np.int64).max // 4
 
 
@@ -72,7 +74,7 @@ def smooth_gaussian(values: NDArray[np.float64], width: float) -> NDArray[np.flo
     """
     reach = math.floor(3.0 * width + 0.5)
     offsets = np.arange(-reach, reach + 1)
-    weights = np.exp(-0.5 / (width * width) * offsets**2)
+    weights = elementary.exp_each(-0.5 / (width * width) * (offsets * offsets))
     weights = weights / weights.sum()
     for axis in range(3):
         around: list[Any] = [(0, 0)] * 3

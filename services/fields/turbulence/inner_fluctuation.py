@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.rng import stream
 from gslcosim_services.fields.turbulence.air import wind_with_slopes
 from gslcosim_services.fields.turbulence.eddies import (
@@ -24,9 +25,9 @@ from gslcosim_services.fields.turbulence.eddies import (
     octave_shares,
 )
 
-_NODES = N_LATTICE**3
+_NODES = N_LATTICE * N_LATTICE * N_LATTICE
 # Mean of the square of a sum of 27 quadratic splines over unit normal numbers.
-_SPLINE_VARIANCE = 0.55**3
+_SPLINE_VARIANCE = 0.55 * 0.55 * 0.55
 
 
 class InnerLayers(NamedTuple):
@@ -86,7 +87,7 @@ def inner_factors(points_m, layers, drift_m_s, origin_m, cell_m, shape):
         tests/unit/services/fields/turbulence/test_inner_fluctuation.py
     """
     factors = np.empty(points_m.shape[0])
-    per_mean = 1.0 / math.gamma(1.0 + 1.0 / shape)
+    per_mean = elementary.exp(-elementary.lgamma(1.0 + 1.0 / shape))
     for p in range(points_m.shape[0]):
         x, y, z = points_m[p, 0], points_m[p, 1], points_m[p, 2]
         wind = wind_with_slopes(drift_m_s, origin_m, cell_m, x, y, z)
@@ -98,8 +99,8 @@ def inner_factors(points_m, layers, drift_m_s, origin_m, cell_m, shape):
             qz = (z - s * wind[2]) / h + offset[2]
             total += layers.weight[n] * lattice_value(layers.numbers[n], qx, qy, qz)
         # The logarithm of a normal tail; beyond 8 standard deviations it is out of the range of numbers.
-        tail = 0.5 * math.erfc(min(max(total, -8.0), 8.0) * math.sqrt(0.5))
-        factors[p] = per_mean * (-math.log(tail)) ** (1.0 / shape)
+        tail = 0.5 * elementary.erfc(min(max(total, -8.0), 8.0) * math.sqrt(0.5))
+        factors[p] = per_mean * elementary.pow(-elementary.log(tail), 1.0 / shape)
     return factors
 
 
@@ -111,8 +112,8 @@ def weibull_shape(intensity: float) -> float:
     low, high = 0.1, 30.0
     for _ in range(60):
         k = math.sqrt(low * high)
-        found = math.lgamma(1.0 + 2.0 / k) - 2.0 * math.lgamma(1.0 + 1.0 / k)
-        low, high = (k, high) if found > math.log1p(intensity**2) else (low, k)
+        found = elementary.lgamma(1.0 + 2.0 / k) - 2.0 * elementary.lgamma(1.0 + 1.0 / k)
+        low, high = (k, high) if found > elementary.log1p(intensity * intensity) else (low, k)
     return math.sqrt(low * high)
 
 
@@ -137,8 +138,8 @@ class InnerFluctuation:
         self._seed = seed
         octaves = np.arange(N_EDDY_OCTAVES, N_EDDY_OCTAVES + N_FINE_OCTAVES)
         self._weight = np.sqrt(octave_shares(N_FINE_OCTAVES) / _SPLINE_VARIANCE)
-        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * 2.0 ** (-2.0 * octaves / 3.0)
-        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * 0.5**octaves, N_LAYERS)
+        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
+        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * np.ldexp(1.0, -octaves), N_LAYERS)
 
     def reset(self, seed: int) -> None:
         """Begin again with a seed."""

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from gslcosim.base import elementary
 from gslcosim.base.scalar_kernels import next_normal, norm2, scalar_kernel
 from gslcosim.scenario.models.sensors import Anemometer3dSpec, AnemometerSpec
 from gslcosim_services.sensing.models.base import Floats, KernelSensorKind, SensorKernel, follow, lag_frac, make_kind
@@ -41,7 +42,7 @@ def measure_planar_wind(
     apparent_y = state[2] = follow(state[2], wind_m_s[1] - velocity_m_s[1], frac)
     speed_m_s = norm2(apparent_x, apparent_y) + parameters[1] * next_normal(stream)
     # 0.0 - a instead of -a: negative zeros would turn calm air into wind from the west.
-    direction_rad = math.atan2(0.0 - apparent_y, 0.0 - apparent_x) + parameters[2] * next_normal(stream)
+    direction_rad = elementary.atan2(0.0 - apparent_y, 0.0 - apparent_x) + parameters[2] * next_normal(stream)
     values[0] = speed_m_s if speed_m_s > 0.0 else 0.0
     # Into (-pi, pi]; an angle that is there already keeps its last digit.
     while direction_rad > math.pi:

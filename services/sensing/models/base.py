@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.quantities import Vec3
@@ -269,7 +270,7 @@ class Surroundings:
         x_m, y_m, z_m = self.body.position_world_m
         if not any(mount_body_m):
             return x_m, y_m, z_m
-        dx_m, dy_m, dz_m = (self.world_from_body @ np.array(mount_body_m)).tolist()
+        dx_m, dy_m, dz_m = elementary.product(self.world_from_body, mount_body_m).tolist()
         return x_m + dx_m, y_m + dy_m, z_m + dz_m
 
 
@@ -279,7 +280,7 @@ def draw_gain(spread: float, stream: Any) -> float:
 
     Held by: tests/unit/services/sensing/test_measurement_errors.py
     """
-    return math.exp(spread * next_normal(stream)) if spread != 0.0 else 1.0
+    return elementary.exp(spread * next_normal(stream)) if spread != 0.0 else 1.0
 
 
 @scalar_kernel
@@ -357,7 +358,7 @@ def lag_frac(t90_s: float, tick_s: float) -> float:
 
     f = 1 - exp(-dt ln 10 / t90)        a first-order lag shows nine tenths of a step after t90
     """
-    return -math.expm1(-tick_s * math.log(10.0) / t90_s) if t90_s > 0.0 else 1.0
+    return -elementary.expm1(-tick_s * elementary.log(10.0) / t90_s) if t90_s > 0.0 else 1.0
 
 
 @scalar_kernel
@@ -416,8 +417,9 @@ class ImperfectSensor:
 
     def calibrated(self, reading: Reading) -> Reading:
         """Return a reading as a unit of the model's nominal gain would show it."""
-        n = self._kind.n_with_errors
-        values = [value / self.gain for value in reading.values[:n]]
+        if self.gain == 1.0:
+            return reading
+        values = [value / self.gain for value in reading.values[: self._kind.n_with_errors]]
         return reading.model_copy(update={"values": (*values, *reading.values[len(values) :])})
 
     def _with_errors(self, reading: Reading) -> Reading:
@@ -497,9 +499,9 @@ class GaussMarkovBias:
 
 def decay_factor(dt_s: float, correlation_s: float) -> float:
     """Return the fraction of a Gauss-Markov bias that is left after some time: e^(-dt/T)."""
-    return math.exp(-dt_s / correlation_s)
+    return elementary.exp(-dt_s / correlation_s)
 
 
 def increment_std(dt_s: float, walk: float, correlation_s: float) -> float:
     """Return the standard deviation added to a Gauss-Markov bias in a time: q sqrt(T/2 (1 - e^(-2 dt/T)))."""
-    return walk * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))
+    return walk * math.sqrt(-correlation_s / 2 * elementary.expm1(-2 * dt_s / correlation_s))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import BEAM_QUANTITY, GAS_QUANTITIES, Vec3
 from gslcosim.base.scalar_kernels import exact_sum, next_normal, next_poisson, scalar_kernel
 from gslcosim.contract.messages import MountSample, Reading
@@ -163,7 +164,7 @@ def two_lag_remainder(a_s: float, b_s: float, t: float) -> tuple[float, float, f
 
     First gap times e^(-t/A); second gap times e^(-t/B) plus first gap times the third factor.
     """
-    keeps_first, keeps_second = math.exp(-t / a_s), math.exp(-t / b_s)
+    keeps_first, keeps_second = elementary.exp(-t / a_s), elementary.exp(-t / b_s)
     if math.isclose(a_s, b_s, rel_tol=1e-6):
         return keeps_first, keeps_second, t / a_s * keeps_first
     return keeps_first, keeps_second, a_s / (a_s - b_s) * (keeps_first - keeps_second)

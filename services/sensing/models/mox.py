@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import ESTIMATE_QUANTITY, GAS_QUANTITIES
 from gslcosim.base.scalar_kernels import next_normal, scalar_kernel
 from gslcosim.scenario.models.gas import GasDefinition, list_gases
@@ -54,7 +55,7 @@ class MoxParameters:
         if gas not in self.power_law or self.power_law[gas][1] == 0.0:
             return math.inf
         a, b = self.power_law[gas]
-        return (self.air_ratio / a) ** (1.0 / b)
+        return elementary.pow(self.air_ratio / a, 1.0 / b)
 
 
 def build_mox_parameters(definitions: tuple[GasDefinition, ...] = ()) -> dict[str, MoxParameters]:
@@ -92,7 +93,7 @@ def build_mox_kernel(
         noise_frac: White noise of ln R, its standard deviation.
         baseline_walk: Random walk of ln R [1/sqrt(s)].
     """
-    rise_frac, decay_frac = (-math.expm1(-tick_s / lag_s) for lag_s in (parameters.rise_s, parameters.decay_s))
+    rise_frac, decay_frac = (-elementary.expm1(-tick_s / lag_s) for lag_s in (parameters.rise_s, parameters.decay_s))
     laws = [number for gas in gases for number in parameters.power_law.get(gas, (0.0, 0.0))]
     walk_step = baseline_walk * math.sqrt(tick_s)
     numbers = (parameters.r0_ohm, parameters.air_ratio, rise_frac, decay_frac, noise_frac, walk_step, *laws)
@@ -121,7 +122,7 @@ def steady_ratio(parameters: Sequence[float], ppm: Sequence[float]) -> float:
     for c in ppm:
         a = parameters[k]
         if a != 0.0 and c > 0.0:
-            fall = air - a * c ** parameters[k + 1]
+            fall = air - a * elementary.pow(c, parameters[k + 1])
             if fall > 0.0:
                 ratio -= fall
         k += 2
@@ -166,9 +167,9 @@ def advance_mox(
     ohm = parameters[_R0_OHM] * y
     if parameters[_WALK_STEP] != 0.0:
         state[1] += parameters[_WALK_STEP] * next_normal(stream)
-        ohm *= math.exp(state[1])
+        ohm *= elementary.exp(state[1])
     if parameters[_NOISE] != 0.0:
-        ohm *= math.exp(parameters[_NOISE] * next_normal(stream))
+        ohm *= elementary.exp(parameters[_NOISE] * next_normal(stream))
     values[0] = ohm
     return y <= 1.001 * MIN_RATIO
 
@@ -193,15 +194,15 @@ def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
     ratio = max(values[0] / parameters[_R0_OHM], 1e-12)
     if ratio >= parameters[_AIR_RATIO] * (1.0 - CLEAN_BAND_FRAC):
         return 0.0
-    exponent = math.log(ratio / parameters[_LAWS]) / parameters[_LAWS + 1]
-    return math.exp(min(exponent, 700.0))
+    exponent = elementary.log(ratio / parameters[_LAWS]) / parameters[_LAWS + 1]
+    return elementary.exp(min(exponent, 700.0))
 
 
 def _build_estimator(parameters: MoxParameters, gas: str) -> KernelEstimator | None:
     if parameters.power_law.get(gas, (1.0, 0.0))[1] == 0.0:
         return None
-    # Independent of the length of a tick.
-    numbers = build_mox_kernel(parameters, (gas,), 1.0).parameters
+    # Lags and noise do not matter to it, nor need they be computed where a scenario is checked.
+    numbers = (parameters.r0_ohm, parameters.air_ratio, *[0.0] * (_LAWS - 2), *parameters.power_law[gas])
     return KernelEstimator(estimate_ppm, numbers, ESTIMATE_QUANTITY, ESTIMATE_UNIT)
 
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.contract.messages import Quaternion, Reading
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import (
@@ -116,7 +118,7 @@ def _sample_errors(imu: ImuSpec, n: int, tick_s: float) -> _SampleErrors:
         n=n,
         kick=np.array([increment_std(dt_s, walk, correlation_s) for walk, correlation_s in walks]),
         powers=np.array(
-            [decay_factor(dt_s, correlation_s) ** np.arange(1, n + 1) for _, correlation_s in walks], np.float64
+            [elementary.pow_each(decay_factor(dt_s, correlation_s), np.arange(1, n + 1)) for _, correlation_s in walks]
         ),
         noise=density / math.sqrt(dt_s),
     )
@@ -209,7 +211,7 @@ class Barometer:
 
 def pressure_pa(z_m: float, ground_pressure_pa: float, ground_temperature_k: float) -> float:
     """Return the pressure of the standard atmosphere at a height above the ground [Pa]."""
-    return ground_pressure_pa * (1.0 - LAPSE_K_M * z_m / ground_temperature_k) ** ISA_EXPONENT
+    return ground_pressure_pa * elementary.pow(1.0 - LAPSE_K_M * z_m / ground_temperature_k, ISA_EXPONENT)
 
 
 class Magnetometer:
@@ -239,7 +241,7 @@ class Magnetometer:
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the field."""
         del mount_velocity_world_m_s
-        values = sample.world_from_body.T @ self._field_ut + np.array(self._bias.step())
+        values = elementary.product(sample.world_from_body.T, self._field_ut) + np.array(self._bias.step())
         values = values + self._noise_ut * self._rng.standard_normal(3)
         return Reading(sensor=self._sensor, quantity="magnetic_field", unit="uT", values=tuple(values.tolist()))
 
@@ -278,12 +280,12 @@ class PoseSensor:
 
 # The attitude after a further turn by a rotation vector in the body frame [rad].
 def _rotate_attitude(q: Quaternion, turn_rad: Vec3) -> Quaternion:
-    angle = math.hypot(*turn_rad)
+    angle = norm3(*turn_rad)
     if angle == 0.0:
         return q
-    s = math.sin(angle / 2) / angle
+    s = elementary.sin(angle / 2) / angle
     b, c, d = (s * component for component in turn_rad)
-    a = math.cos(angle / 2)
+    a = elementary.cos(angle / 2)
     w, x, y, z = q
     return (
         w * a - x * b - y * c - z * d,

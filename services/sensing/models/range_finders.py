@@ -6,10 +6,11 @@ from collections.abc import MutableSequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import rotation_from_rpy
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import scalar_kernel
+from gslcosim.base.scalar_kernels import norm3, scalar_kernel
 from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import (
@@ -156,14 +157,14 @@ def ray_directions_body(spec: RaySensorSpec) -> NDArray[np.float64]:
     """
     match spec:
         case RangeFinderSpec():
-            directions = np.array([spec.beam_body]) / np.linalg.norm(spec.beam_body)
+            directions = np.array([spec.beam_body]) / norm3(*spec.beam_body)
         case FourRangeFindersSpec():
             directions = np.array(FOUR_BEAMS)
         case LidarSensorSpec():
             directions = _lidar_directions(spec.lidar)
         case _:
             raise TypeError(f"{spec.name}: expected the block of a range finder or a lidar, was {type(spec).__name__}")
-    return directions @ rotation_from_rpy(spec.mount_rpy_rad).T
+    return elementary.product(directions, rotation_from_rpy(spec.mount_rpy_rad).T)
 
 
 def _lidar_directions(lidar: AzimuthsSpec) -> NDArray[np.float64]:
@@ -172,9 +173,9 @@ def _lidar_directions(lidar: AzimuthsSpec) -> NDArray[np.float64]:
     )
     azimuth = _spread_evenly(lidar.n_azimuths, lidar.azimuth_span_rad)[None, :]
     elevation = _spread_evenly(n_elevations, span_rad)[:, None]
-    level = np.cos(elevation)
-    up = np.broadcast_to(np.sin(elevation), (n_elevations, lidar.n_azimuths))
-    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+    level = elementary.cos_each(elevation)
+    up = np.broadcast_to(elementary.sin_each(elevation), (n_elevations, lidar.n_azimuths))
+    return np.stack([level * elementary.cos_each(azimuth), level * elementary.sin_each(azimuth), up], axis=-1)
 
 
 # Angles over a span around 0; a full turn has no end of its own.

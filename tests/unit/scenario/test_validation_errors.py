@@ -34,8 +34,8 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
         ("name: hall", "name: hall\nwind: {cell_m: }",
          "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was nothing."),
         ("name: hall", "name: hall\nwind: built_in",
-         "hall.yaml:3: wind: expected a block with the key solver, one of auto, built_in, openfoam, uniform, stored or "
-         "{file: PATH}, was 'built_in'."),
+         "hall.yaml:3: wind: expected a block with the key solver, one of auto, built_in, openfoam, uniform, stored, "
+         "{file: PATH} or edited, was 'built_in'."),
         ("name: hall", "name: hall\nrecording: {enabled: yes}",
          "hall.yaml:3: recording.enabled: expected true or false, was 'yes'. Write true or false."),
         ("[5, 1, 2]", "[5, 1, 2 m]",

@@ -8,6 +8,7 @@ Paths are planned by the kernels of `gslcosim_services.world`, and so is the ord
 
 import numpy as np
 
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim_services.world.multirotor_control import drag_force
 from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_stop_under_way, is_too_late
@@ -49,7 +50,6 @@ from gslcosim_training.batch.free_space import (
     is_place_refused,
     motion_inplace,
     must_brake,
-    norm3,
     plan_to_velocity_inplace,
     wind_at_inplace,
 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.environment.model import Environment
 from gslcosim.environment.openings import solid_boxes
@@ -456,5 +457,5 @@ def _fill_wandering(
     case["knot_s"], case["wander_rho"] = gas.plume.meander_s / KNOTS_PER_CORRELATION_TIME, KNOT_CORRELATION
     case["instantaneous_frac"] = gas.plume.instantaneous_frac
     # As many as pass while the air crosses the room, and a few.
-    crosses_s = (math.dist(environment.grid.origin_m, environment.grid.max_m) + 1.0) / speed_m_s
+    crosses_s = (distance(environment.grid.origin_m, environment.grid.max_m) + 1.0) / speed_m_s
     case["n_knots"] = math.ceil(crosses_s / case["knot_s"]) + 4

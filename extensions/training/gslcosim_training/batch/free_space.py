@@ -24,6 +24,7 @@ from gslcosim_services.world.flight_space import (
     find_axis_out_of_bounds,
     nearest_cell_index,
 )
+from gslcosim_services.world.multirotor_control import rotation_from_quaternion
 from gslcosim_services.world.trajectory import (
     DURATION_GROWTH,
     MIN_DURATION_S,
@@ -35,7 +36,6 @@ from gslcosim_services.world.trajectory import (
 from gslcosim_services.world.vehicle_records import STATE
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
-_SPLIT = 134217729.0  # 2^27 + 1
 _SOLID = 1
 # What rounding may move a place by.
 _ROUNDING_M = 1e-6
@@ -43,59 +43,6 @@ _TO_VELOCITY = True
 # What rounding may add, and a stop that no search looks at.
 _HAIR = 1.0 + 1e-9
 _FAR_TOO_LONG_S = 1000.0
-
-
-@reference_free_njit(inline="always")
-def _add(x, y):
-    # x + y and its rounding error, as Knuth has it.
-    total = x + y
-    added = total - x
-    return total, (x - (total - added)) + (y - added)
-
-
-@reference_free_njit(inline="always")
-def _square(x):
-    # x^2 and its rounding error, as Dekker has it.
-    square, t = x * x, x * _SPLIT
-    high = t - (t - x)
-    low = x - high
-    return square, ((high * high - square) + 2.0 * high * low) + low * low
-
-
-@reference_free_njit()
-def norm3(x, y, z):
-    """Return sqrt(x^2 + y^2 + z^2), the same as `math.hypot(x, y, z)` and as `math.dist` of points so far apart.
-
-    h <- h + (x^2 + y^2 + z^2 - h^2)/(2 h),  with all squares and their sum in twice the precision
-
-    Both round to the nearest number, between 1e-140 and 1e140.
-
-    Source:
-        Dekker 1971, doi:10.1007/BF01397083; Borges 2020, doi:10.1145/3428446.
-    Held by:
-        extensions/training/tests/unit/batch/test_distances.py
-    """
-    x_x, error_x = _square(x)
-    y_y, error_y = _square(y)
-    z_z, error_z = _square(z)
-    total, error_xy = _add(x_x, y_y)
-    total, error_xyz = _add(total, z_z)
-    h = math.sqrt(total)
-    if not 0.0 < h < math.inf:
-        return h
-    h_h, error_h = _square(h)
-    error = error_xy + error_xyz + error_x + error_y + error_z - error_h
-    return h + ((total - h_h) + error) / (2.0 * h)
-
-
-@reference_free_njit()
-def norm2(x, y):
-    """Return sqrt(x^2 + y^2), the same as `math.hypot(x, y)`.
-
-    Held by:
-        extensions/training/tests/unit/batch/test_distances.py
-    """
-    return norm3(x, y, 0.0)
 
 
 @intrinsic
@@ -265,6 +212,30 @@ def is_hit(room, radius_m, half_height_m, position_m):
     return False
 
 
+@reference_free_njit()
+def may_touch(room, half_m, pose):
+    """Return True if a turned box reaches into one of the room's boxes, or no more than the upright box around it does.
+
+    Args:
+        room: Record of `ROOM`, for vehicles of no smaller reach.
+        half_m: (3,) half sizes of the box, body frame [m].
+        pose: (7,) its centre, world frame [m], and its quaternion wxyz.
+    """
+    begin, end = _near_boxes(room, pose)
+    if begin == end:
+        return False
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_from_quaternion(pose[3], pose[4], pose[5], pose[6])
+    a, b, c = half_m[0], half_m[1], half_m[2]
+    along_x_m = abs(r00) * a + abs(r01) * b + abs(r02) * c + _ROUNDING_M
+    along_y_m = abs(r10) * a + abs(r11) * b + abs(r12) * c + _ROUNDING_M
+    along_z_m = abs(r20) * a + abs(r21) * b + abs(r22) * c + _ROUNDING_M
+    for n in range(begin, end):
+        x_m, y_m, z_m = _gaps_m(room, n, pose)
+        if x_m < along_x_m and y_m < along_y_m and z_m < along_z_m:
+            return True
+    return False
+
+
 # Which members of the list of boxes may be near.
 @reference_free_njit()
 def _near_boxes(room, position_m) -> Any:
@@ -293,13 +264,20 @@ def _gaps_m(room, n, position_m) -> Any:
 
 
 @reference_free_njit()
-def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
-    """Write the room's wind (3,) [m/s] at a time since the sources opened [s] and a place, world frame [m]."""
+def wind_address_at(room, time_s):
+    """Return the address of the room's wind (nx, ny, nz, 3) [m/s] at a time since the sources opened [s]."""
     n_frames = room.wind_shape[0]
     frame = int(time_s / room.wind_period_s + 1e-9)
     frame = frame % n_frames if room.wind_loops else min(frame, n_frames - 1)
     nx, ny, nz = room.wind_shape[1], room.wind_shape[2], room.wind_shape[3]
-    wind = array_at(room.wind + frame * nx * ny * nz * 12, (nx, ny, nz, 3), np.float32)
+    return room.wind + frame * nx * ny * nz * 12
+
+
+@reference_free_njit()
+def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
+    """Write the room's wind (3,) [m/s] at a time since the sources opened [s] and a place, world frame [m]."""
+    nx, ny, nz = room.wind_shape[1], room.wind_shape[2], room.wind_shape[3]
+    wind = array_at(wind_address_at(room, time_s), (nx, ny, nz, 3), np.float32)
     origin_m = (room.origin_m[0], room.origin_m[1], room.origin_m[2])
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)
 

@@ -1,27 +1,18 @@
 # pyright: basic
 
-"""Compiled kernels of steady Gaussian plumes.
+"""Compiled kernels of steady Gaussian plumes."""
 
-They use numpy's own exponential and power, so that both give the same bits on any processor: numpy picks its loops by
-the processor, and their last digit is not that of the C library, which compiled code calls.
-"""
-
-import ctypes
 import math
 
 import numba
 import numpy as np
-from llvmlite import binding, ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import ModelError
+from gslcosim.base import elementary
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim_formats.gaussian_plume import OPEN_COUNTRY, FormulaGasSpec, build_mean_plumes, list_gas_columns
 from gslcosim_services.fields.gas_setup import GasSetup
 
-_INT64 = ir.IntType(64)
 # One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
 PLUME_RECORD = np.dtype(
     [
@@ -34,88 +25,6 @@ PLUME_RECORD = np.dtype(
         ("gas", np.int64),  # which of the scenario's gases
     ]
 )
-
-
-# The head of numpy's PyUFuncObject, which is part of its C interface.
-class _Ufunc(ctypes.Structure):
-    _fields_ = [
-        ("head", ctypes.c_ssize_t * 2),
-        ("counts", ctypes.c_int * 4),
-        ("functions", ctypes.POINTER(ctypes.c_void_p)),
-        ("data", ctypes.POINTER(ctypes.c_void_p)),
-        ("ntypes", ctypes.c_int),
-    ]
-
-
-def find_loop_address(ufunc: np.ufunc) -> int:
-    """Return the address of the loop that a function of numpy runs over doubles."""
-    of_doubles = [i for i, kinds in enumerate(ufunc.types) if set(kinds) == set("d->")]
-    if not of_doubles:
-        raise ModelError(f"{ufunc.__name__}: expected a loop over doubles, was {', '.join(ufunc.types)}.")
-    address = _Ufunc.from_address(id(ufunc)).functions[of_doubles[0]]
-    assert address is not None
-    return int(address)
-
-
-# Called by their names, since code from the cache of kernels runs in processes where the addresses are others.
-binding.add_symbol("numpy_exp_loop", find_loop_address(np.exp))
-binding.add_symbol("numpy_power_loop", find_loop_address(np.power))
-
-
-# Calls `void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)` for one element.
-def _call_loop(builder: ir.IRBuilder, name, values):
-    n = len(values) + 1
-    entry = builder.function.entry_basic_block
-    with builder.goto_block(entry):
-        places = builder.alloca(ir.DoubleType(), n)
-        args = builder.alloca(_INT64, n)
-        numbers = builder.alloca(_INT64, 1 + n)
-    for i in range(n):
-        place = _item(builder, places, ir.DoubleType(), i)
-        if i < len(values):
-            builder.store(values[i], place)
-        builder.store(builder.ptrtoint(place, _INT64), _item(builder, args, _INT64, i))
-        step = _item(builder, numbers, _INT64, 1 + i)
-        builder.store(ir.Constant(_INT64, 8), step)
-    builder.store(ir.Constant(_INT64, 1), numbers)
-    function_type = ir.FunctionType(ir.VoidType(), [_INT64] * 4)
-    steps = _item(builder, numbers, _INT64, 1)
-    pointers = [builder.ptrtoint(pointer, _INT64) for pointer in (args, numbers, steps)]
-    loop = cgutils.get_or_insert_function(builder.module, function_type, name)
-    builder.call(loop, [*pointers, ir.Constant(_INT64, 0)])
-    return builder.load(_item(builder, places, ir.DoubleType(), n - 1), typ=ir.DoubleType())
-
-
-def _item(builder: ir.IRBuilder, array: ir.Value, item_type: ir.Type, i: int) -> ir.Value:
-    return builder.gep(array, [ir.Constant(ir.IntType(32), i)], source_etype=item_type)
-
-
-@intrinsic
-def numpy_exp(typingctx, x):
-    """Return `numpy.exp` of a number.
-
-    Held by:
-        extensions/training/tests/unit/batch/test_numpy_loops.py
-    """
-
-    def codegen(context, builder, _signature, arguments):
-        return _call_loop(builder, "numpy_exp_loop", arguments)
-
-    return types.float64(types.float64), codegen
-
-
-@intrinsic
-def numpy_power(typingctx, x, y):
-    """Return `numpy.power` of a number and an exponent.
-
-    Held by:
-        extensions/training/tests/unit/batch/test_numpy_loops.py
-    """
-
-    def codegen(context, builder, _signature, arguments):
-        return _call_loop(builder, "numpy_power_loop", arguments)
-
-    return types.float64(types.float64, types.float64), codegen
 
 
 @numba.njit(cache=True, nogil=True)
@@ -133,14 +42,7 @@ def spreads_at(plume, downwind_m):
     """
     x_m = downwind_m if downwind_m > 0.0 else 1.0
     a, b, c, p = plume.spread[0], plume.spread[1], plume.spread[2], plume.spread[3]
-    slower = 1.0 + c * x_m
-    # Numpy's shortcuts for exponents that are whole.
-    if p == 0.0:
-        bend = 1.0
-    elif p == -1.0:
-        bend = 1.0 / slower
-    else:
-        bend = numpy_power(slower, p)  # pyright: ignore[reportCallIssue]
+    bend = elementary.pow(1.0 + c * x_m, p)
     return a * x_m / math.sqrt(1.0 + 1e-4 * x_m), b * x_m * bend
 
 
@@ -161,7 +63,7 @@ def distances_along_and_across(plume, x_m, y_m):
 @numba.njit(cache=True, nogil=True)
 def _gaussian_value(x_m, sigma_m):
     exponent = -(x_m * x_m) / (2.0 * (sigma_m * sigma_m))
-    return numpy_exp(exponent)  # pyright: ignore[reportCallIssue]
+    return elementary.exp(exponent)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -225,7 +127,7 @@ def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void
     means = build_mean_plumes(gas, setup)
     rows = np.zeros(len(means), PLUME_RECORD)
     for row, mean, column in zip(rows, means, list_gas_columns(gas), strict=True):
-        speed_m_s = float(np.hypot(*mean.wind_world_m_s[:2]))
+        speed_m_s = norm2(*mean.wind_world_m_s[:2])
         row["position_world_m"], row["release_m3_s"] = mean.position_world_m, mean.release_m3_s
         row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
         row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column

@@ -16,7 +16,7 @@ from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 
 from gslcosim.base import scalar_kernels
-from gslcosim_training.batch.free_space import array_at, norm2, norm3
+from gslcosim_training.batch.free_space import array_at
 from gslcosim_training.batch.random_streams import next_normal_inplace, next_poisson_inplace
 from gslcosim_training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
 
@@ -27,17 +27,7 @@ _ENCODE = _ADDRESS(*(_ADDRESS,) * 4)
 _OWN_PACKAGES = ("gslcosim.", "gslcosim_services.")
 
 
-# Compiled, the functions that scalar kernels share are these.
-@overload(scalar_kernels.norm2)
-def _overload_norm2(x, y):
-    return lambda x, y: norm2(x, y)
-
-
-@overload(scalar_kernels.norm3)
-def _overload_norm3(x, y, z):
-    return lambda x, y, z: norm3(x, y, z)
-
-
+# Compiled, the streams of scalar kernels are these.
 @overload(scalar_kernels.next_normal)
 def _overload_next_normal(stream):
     return lambda stream: next_normal_inplace(stream)

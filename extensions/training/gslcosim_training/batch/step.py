@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from gslcosim.base.scalar_kernels import norm3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim_services.referee.agent_evaluation import find_failure, is_inside, is_time_over
 from gslcosim_services.referee.metrics import source_distance_m
@@ -21,14 +22,22 @@ from gslcosim_training.batch.batch_records import (
     FRAME,
     FRAMES,
     INSTRUMENT,
+    LAGGED,
     MEANDERING_PLUMES,
     MOST_GASES,
+    N_START_NUMBERS,
     NEAREST_SOURCE,
     NO_TASK,
     ON_GROUND,
     OUT_OF_BOUNDS,
+    RIGID_BODY,
     ROOM,
     SEARCHES_ON,
+    START_INTEGRAL,
+    START_QUATERNION,
+    START_RATES,
+    START_ROTORS,
+    START_TOUCHES,
     STEADY_PLUMES,
     STEP,
     SUCCESS,
@@ -39,7 +48,6 @@ from gslcosim_training.batch.contact_scene import advance_point_inplace
 from gslcosim_training.batch.free_space import (
     array_at,
     copy_inplace,
-    norm3,
     touches,
     wind_at_inplace,
 )
@@ -51,6 +59,7 @@ from gslcosim_training.batch.gas_readings import (
 )
 from gslcosim_training.batch.plume_kernels import PLUME_RECORD, steady_ppm
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
+from gslcosim_training.batch.rigid_body import fly_rigid_tick, turn_sensors_inplace
 from gslcosim_training.batch.sensors import (
     read_inplace,
     switch_on_inplace,
@@ -125,13 +134,18 @@ def _fly_tick(search, path, vehicle, case, room, tick, first):
 
 
 @reference_free_njit()
-def _leave_start(search, case, start_rows, tick):
+def _leave_start(search, path, case, start_rows, tick):
     row = start_rows[case.first_start_row + tick]
     for axis in range(3):
         search.position_m[axis] = row[axis]
         search.velocity_m_s[axis] = row[3 + axis]
-    search.is_touching = row[6] != 0.0
-    search.is_bumped = row[7] != 0.0
+    search.is_touching = row[START_TOUCHES] != 0.0
+    search.is_bumped = row[START_TOUCHES + 1] != 0.0
+    if case.dynamics == RIGID_BODY:
+        copy_inplace(search.quaternion_wxyz, row[START_QUATERNION:START_RATES])
+        copy_inplace(search.rates_rad_s, row[START_RATES:START_ROTORS])
+        copy_inplace(path.rotor_speed_rad_s, row[START_ROTORS:START_INTEGRAL])
+        copy_inplace(path.integral_m_s2, row[START_INTEGRAL:])
 
 
 @reference_free_njit()
@@ -140,9 +154,9 @@ def _note_path(search):
     search.path_length_m += norm3(p[0] - q[0], p[1] - q[1], p[2] - q[2])
 
 
-# Upright, and without turning.
+# Upright, and without turning, but for a rigid body.
 @reference_free_njit()
-def _place_sensors(search, places_m, work):
+def _place_sensors(search, case, places_m, work):
     p, v = search.position_m, search.velocity_m_s
     world_m = array_at(work.places_m, (work.n_places, 3), np.float64)
     velocity_m_s = array_at(work.velocity_m_s, (work.n_places, 3), np.float64)
@@ -152,6 +166,8 @@ def _place_sensors(search, places_m, work):
             velocity_m_s[n, axis] = v[axis]
     work.rotation[:] = 0.0
     work.rotation[0] = work.rotation[4] = work.rotation[8] = 1.0
+    if case.dynamics == RIGID_BODY:
+        turn_sensors_inplace(search, places_m, world_m, velocity_m_s, work.rotation)
 
 
 @reference_free_njit()
@@ -216,15 +232,16 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     vehicle = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case]
     room = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room]
-    start_rows = array_at(cases.start_rows, (cases.n_start_rows, 8), np.float64)
+    start_rows = array_at(cases.start_rows, (cases.n_start_rows, N_START_NUMBERS), np.float64)
     places_m = array_at(cases.places_m, (cases.n_cases, cases.n_places, 3), np.float64)[i_case]
     while True:
         tick += 1
         search.tick = tick
         search.is_touching = search.is_bumped = 0
         copy_inplace(search.tick_start_m, search.position_m)
+        begin_s = case.warm_up_s + seconds_from_ticks(tick - 1, case.tick_ns)
         if tick == 0:
-            _leave_start(search, case, start_rows, tick)
+            _leave_start(search, path, case, start_rows, tick)
             search.is_asked = case.asks_every_tick
         else:
             if tick == 1:
@@ -233,15 +250,17 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
                 receive_task(search, path, case, room, work, tick - 1, task, vector)
                 task = NO_TASK
             if tick < case.n_start_rows:
-                _leave_start(search, case, start_rows, tick)
-            elif case.is_lagged:
-                begin_s = case.warm_up_s + seconds_from_ticks(tick - 1, case.tick_ns)
+                _leave_start(search, path, case, start_rows, tick)
+            elif case.dynamics == LAGGED:
                 fly_lagged_tick(search, path, vehicle, case, room, work, tick, begin_s)
+            elif case.dynamics == RIGID_BODY:
+                if not fly_rigid_tick(search, path, vehicle, case, room, work, tick, begin_s):
+                    return
             elif not _fly_tick(search, path, vehicle, case, room, tick, 0):
                 return
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
-        _place_sensors(search, places_m, work)
+        _place_sensors(search, case, places_m, work)
         if _judge_and_sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
             return
 
@@ -266,6 +285,9 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
     search.tick = -1
     copy_inplace(search.position_m, case.start_m)
     search.velocity_m_s[:] = 0.0
+    search.quaternion_wxyz[:] = 0.0
+    search.quaternion_wxyz[0] = 1.0
+    search.rates_rad_s[:] = 0.0
     search.acceleration_m_s2[:] = 0.0
     search.force_m_s2[:] = 0.0
     search.force_m_s2[2] = gravity_m_s2

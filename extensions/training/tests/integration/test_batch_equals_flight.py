@@ -213,7 +213,7 @@ def test_a_search_is_run_again_alone_from_the_scenario_that_it_shows():
     [
         (
             "agents[0].vehicle.model=iris",
-            "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order, was iris.",
+            "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order or rigid_body, was iris.",
         ),
         ("agents[0].vehicle.avoidance=2d", "agents[0].vehicle.avoidance: expected none in a batch, was 2d."),
         ("gas.model=farrell", "gas.model: expected gaussian_plume, meandering_plume, playback, or filament without "),

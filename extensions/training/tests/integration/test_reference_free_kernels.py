@@ -22,7 +22,10 @@ HALL = (
     "gas.sources=[{position_m: [1.5, 1.5, 1], filaments_per_s: 10}]", "agents[0].vehicle.start_m=[6,5,0.2]",
     "agents[0].vehicle.search_height_m=1.5", "referee.stop.time_limit_s=200",
 )
-for plume, vehicle, flying in (("gaussian_plume", "iris", "first_order"), ("meandering_plume", "holonomic", "point")):
+for plume, vehicle, flying in (
+    ("gaussian_plume", "iris", "first_order"), ("meandering_plume", "holonomic", "point"),
+    ("gaussian_plume", "iris", "rigid_body"),
+):
     overrides = (*HALL, f"gas.model={plume}", f"agents[0].vehicle.model={vehicle}")
     case = LearningTask(scenario="tiny_room", overrides=overrides).loaded(3)
     more = {"flying": flying} if flying != "point" else {}
@@ -54,4 +57,4 @@ def test_both_give_the_same_bits(tmp_path):
     counting, *others = flown(**{COUNTING_VARIABLE: "1", "GSLCOSIM_CACHE": str(tmp_path)})
     assert (without, counting) == ("False", "True")
     assert usual == others
-    assert len(set(usual)) == 2
+    assert len(set(usual)) == 3
