@@ -10,7 +10,14 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
-use_kernel_cache()
+
+def _unpack_kernels() -> None:
+    from gslcosim.base.kernel_archives import unpack_archives
+
+    unpack_archives()
+
+
+use_kernel_cache(_unpack_kernels)
 
 
 # Public names by their modules, which are imported on first use, so that a start stays short.

@@ -316,8 +316,9 @@ def answer_observations(
     )
     actions: dict[str, Callable[[bytes], None]] = {}
     endings = {keys.ending(name) for name in names}
-    # An agent that does not override `observe` has no use for observations that await no command.
-    is_asked_only = getattr(agent_type, "observe", None) is Agent.observe
+    # An agent that does not override `observe` has no use for observations that await no command, except among several:
+    # one that is asked is shown its observation once all others have come as far.
+    is_asked_only = getattr(agent_type, "observe", None) is Agent.observe and len(names) == 1
     key_of_observation = keys.question if is_asked_only else keys.observation
     for name in names:
         actions[keys.briefing(name)] = lambda got, name=name: group.brief(name, codec.decode_trusted(Briefing, got))

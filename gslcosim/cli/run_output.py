@@ -73,7 +73,7 @@ class PlainLines:
         has_own_line = status.state == "preparing" or (status.state == "flying" and status.text)
         other = f"{status.state} {status.is_late} {status.is_compiling}"
         piece = (status.text or format_status(status)) if has_own_line else other
-        left = self._remaining.describe(piece, status.fraction) if status.state == "preparing" else ""
+        left = self._remaining.describe(piece, status.fraction)
         is_due = bool(left) and self._clock() - self._written_at_s >= _REMINDER_EVERY_S
         if piece == self._last and not is_due:
             return

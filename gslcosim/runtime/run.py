@@ -1,6 +1,5 @@
 """One run from a loaded scenario to a run directory: the entry point of the runtime."""
 
-import os
 import threading
 import time
 import traceback
@@ -13,14 +12,13 @@ from typing import Any, Self
 
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import MachineError, RecordingError, UsageError, format_fault
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.environment.generation.cache import load_rooms, prepare_environment
-from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.distributed.process_launch import run_distributed
 from gslcosim.runtime.external.core import hash_programs
+from gslcosim.runtime.kernel_compilation import KernelFolder, compile_agent_kernels
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.processes.fork_server import ForkServer
@@ -118,7 +116,7 @@ def run_scenario(
         environment_dir = repetition.environment_dir
     else:
         with CompilationReporter(report) as reporter:
-            progress = _PreparationReporter(reporter, loaded, None if is_one_process else fork_server)
+            progress = _PreparationReporter(reporter)
             environment_dir = prepare_environment(scenario, scenario_dir=directory, progress=progress)
     compile_agent_kernels(
         scenario,
@@ -298,29 +296,6 @@ class OpenRun:
             self.outcome.fault = replace(fault, text=f"{fault.text}\n{text}")
 
 
-class KernelFolder:
-    """State of the folder of numba's kernels when this object was made.
-
-    Args:
-        folder: By default that of this process, which all processes of a run use.
-    """
-
-    def __init__(self, folder: Path | None = None) -> None:
-        self.path = folder or Path(os.environ.get(NUMBA_VARIABLE, os.devnull))
-        self._before = self._times()
-
-    def has_new(self) -> bool:
-        """Return whether kernels were added since."""
-        return self._times() != self._before
-
-    # Each folder of modules changes when a file is added.
-    def _times(self) -> Mapping[str, int]:
-        try:
-            return {entry.name: entry.stat().st_mtime_ns for entry in os.scandir(self.path) if entry.is_dir()}
-        except OSError:
-            return {}
-
-
 class CompilationReporter:
     """Context and status handler that adds the compilation of kernels to the status of a starting run.
 
@@ -366,32 +341,21 @@ class CompilationReporter:
                     self.has_compiled = True
                     last = self._last or RunStatus(state="starting")
                     self._report(self._completed(replace(last, run_dir=None)))
-            return
 
     def _completed(self, status: RunStatus) -> RunStatus:
         if not self.has_compiled or status.state not in ("preparing", "starting"):
             return status
         if status.state == "preparing":
             return replace(status, text=f"{status.text}, {_TEXT_OF_PREPARATION}", is_compiling=True)
-        return replace(status, text=", ".join(filter(None, (TEXT, status.text))), is_compiling=True)
+        text = ", ".join(filter(None, (TEXT, status.text)))
+        return replace(status, text=text, fraction=self._folder.estimate_share(), is_compiling=True)
 
 
 @dataclass
 class _PreparationReporter:
-    """Reporter of the preparation of a run as its status.
-
-    On a first run, compiling kernels takes longer than making an environment: at the first progress a fork of
-    `idle_server`, where there is one, begins to compile those of `loaded` on the other core.
-    """
+    """Reporter of the preparation of a run as its status."""
 
     report: StatusHandler
-    loaded: LoadedScenario | None = None
-    idle_server: ForkServer | None = None
 
     def __call__(self, text: str, fraction: float) -> None:
-        if self.idle_server is not None and self.loaded is not None:
-            from gslcosim.runtime.early_warmup import fork_warmup
-
-            fork_warmup(self.idle_server, self.loaded.scenario, self.loaded.directory)
-            self.idle_server = None
         self.report(RunStatus(state="preparing", text=text, fraction=fraction))

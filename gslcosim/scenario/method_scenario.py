@@ -33,8 +33,8 @@ def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -
     return resolve_values(values, directory, source=f"the small room of {name}")
 
 
-# In a row across the room, apart from each other.
+# In a row along the room, apart from each other.
 def _build_robot(first: dict[str, Any], i: int) -> dict[str, Any]:
-    x_m, _, z_m = first["vehicle"]["start_m"]
-    vehicle = {**first["vehicle"], "start_m": [x_m, float(i), z_m], "separation_m": 0.4}
+    x_m, y_m, z_m = first["vehicle"]["start_m"]
+    vehicle = {**first["vehicle"], "start_m": [x_m - i, y_m, z_m], "separation_m": 0.4}
     return {**first, "name": f"robot_{i + 1}", "start": {"process_of": first["name"]}, "vehicle": vehicle}

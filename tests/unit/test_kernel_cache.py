@@ -5,16 +5,22 @@ import pickle
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
+from gslcosim.base import kernel_archives
 from gslcosim.base.kernel_cache import (
     EXTENSIONS_VARIABLE,
+    NUMBA_VARIABLE,
     OWNER_VARIABLE,
     PACKAGE_DIR,
+    choose_processor_level,
     get_key_path,
     use_kernel_cache,
 )
+from gslcosim.environment.grid_kernels import to_next_border
 from gslcosim.runtime.processes.sandbox.launcher_client import name_numba_folder
 
 PROGRAM = """
@@ -71,6 +77,89 @@ def files_in(folder, ending):
 
 def test_what_one_process_has_compiled_the_next_one_loads(cached):
     assert cached() == 2
+
+
+def test_of_two_processes_one_compiles_a_kernel(cached, tmp_path):
+    shutil.rmtree(tmp_path / "cache")
+    with ThreadPoolExecutor(2) as pool:
+        assert sum(pool.map(lambda _: cached(), range(2))) == 2
+
+
+def test_a_failure_to_compile_leaves_no_lock(tmp_path):
+    program = """
+import contextlib, fcntl, os, subprocess, sys
+import gslcosim, numba
+
+@numba.njit(cache=True)
+def fails(x):
+    return x.nothing
+
+with contextlib.suppress(numba.TypingError):
+    fails(1)
+taken = "import fcntl, sys; fcntl.lockf(open(sys.argv[1], 'r+'), fcntl.LOCK_EX | fcntl.LOCK_NB)"
+subprocess.run([sys.executable, "-c", taken, os.path.join(os.environ["NUMBA_CACHE_DIR"], "compiling.lock")], check=True)
+"""
+    (tmp_path / "program.py").write_text(program)
+    variables = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA", "GSLCOSIM"))}
+    variables["GSLCOSIM_CACHE"] = str(tmp_path / "cache")
+    subprocess.run([sys.executable, str(tmp_path / "program.py")], env=variables, check=True)
+
+
+def test_the_compiler_is_loaded_without_scipy_and_kernels_find_it():
+    program = """
+import sys
+import gslcosim, numba
+import numpy as np
+
+@numba.njit
+def double(x):
+    return x + x
+
+double(1)
+assert "scipy.linalg" not in sys.modules
+ones = np.ones((2, 2))
+assert numba.njit(lambda a: np.kron(a, a))(ones).sum() == 16
+assert (numba.njit(lambda a: a @ a)(ones) == 2).all()
+assert "scipy.linalg" in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        ("pni ssse3 sse4_1 sse4_2 popcnt cx16 lahf_lm avx avx2 bmi1 bmi2 f16c fma abm movbe xsave", "x86-64-v3"),
+        ("pni ssse3 sse4_1 sse4_2 popcnt cx16 lahf_lm avx", "x86-64-v2"),
+        ("avx avx2 bmi1 bmi2 f16c fma abm movbe xsave", None),
+        ("fp asimd", None),
+    ],
+)
+def test_the_level_is_the_highest_whose_flags_are_all_there(flags, expected):
+    assert choose_processor_level(flags.split()) == expected
+
+
+def test_kernels_of_an_archive_are_signed_and_loaded_elsewhere(tmp_path, monkeypatch):
+    """With another key, in a cache that knows nothing of where they were compiled."""
+    to_next_border(0.5, 0, 1.0)
+    here = Path(os.environ[NUMBA_VARIABLE])
+    archive = tmp_path / "kernels.tar.xz"
+    monkeypatch.setattr(kernel_archives, "get_archive_path", lambda _: archive)
+    monkeypatch.setattr(kernel_archives, "get_code_roots", lambda: {"gslcosim": PACKAGE_DIR})
+    assert kernel_archives.pack_archives() == [archive]
+    there = tmp_path / "numba" / here.name
+    monkeypatch.setenv(NUMBA_VARIABLE, str(there))
+    assert not kernel_archives.has_all_archives()
+    kernel_archives.unpack_archives()
+    assert kernel_archives.has_all_archives()
+    program = (
+        "from gslcosim.environment.grid_kernels import to_next_border\n"
+        "to_next_border(0.5, 0, 1.0)\n"
+        "print(sum(to_next_border.stats.cache_hits.values()))"
+    )
+    call = [sys.executable, "-c", program]
+    assert subprocess.run(call, capture_output=True, text=True, check=True).stdout == "1\n"
+    assert get_key_path() == tmp_path / "kernels.key"
+    assert {path.suffix for path in there.glob("gslcosim.*/*")} == {".nbi", ".nbc"}
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""`gslcosim cache`: contents of the cache, by size and last use; room on the disk by removal of entries."""
+"""`gslcosim cache`: contents of the cache, by size and last use; removal of entries; kernels compiled ahead."""
 
 import argparse
 import re
@@ -21,7 +21,9 @@ EXAMPLES = """  gslcosim cache
   gslcosim cache --json
   gslcosim cache free --older-than 30d
   gslcosim cache free --keep 1GB --yes
-  gslcosim cache free --kind kernels --all --yes"""
+  gslcosim cache free --kind kernels --all --yes
+  gslcosim cache compile
+  gslcosim cache compile warehouse_empty mine.yaml"""
 
 _HEADINGS = ("kind", "entry", "size", "unused for", "in use")
 _AGE = re.compile(r"(\d+(?:\.\d+)?)\s*(min|h|d|w)")
@@ -29,7 +31,20 @@ _UNITS_S = {"min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", nargs="?", choices=("list", "free"), default="list", help="default: list")
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=("list", "free", "compile"),
+        default="list",
+        help="list entries (default), free room, or compile kernels ahead of runs",
+    )
+    parser.add_argument(
+        "scenarios",
+        nargs="*",
+        metavar="SCENARIO",
+        default=[],
+        help="with compile: only what runs of these files or bundled scenarios need",
+    )
     parser.add_argument(
         "--kind",
         action="append",
@@ -52,11 +67,13 @@ def _run(arguments: argparse.Namespace) -> int:
     wrong = [kind for kind in arguments.kind if kind not in FOLDERS]
     if wrong:
         raise UsageError(f"gslcosim cache: expected --kind of {', '.join(FOLDERS)}, was {wrong[0]!r}.")
+    if arguments.scenarios and arguments.action != "compile":
+        raise UsageError(f"gslcosim cache: expected scenarios with compile only, was {arguments.scenarios[0]!r}.")
     is_freeing = arguments.older_than is not None or arguments.keep is not None or arguments.all
-    if arguments.action == "list":
+    if arguments.action != "free":
         if is_freeing or arguments.yes:
             raise UsageError("gslcosim cache: expected --older-than, --keep, --all and --yes with free only.")
-        return _list(arguments)
+        return _list(arguments) if arguments.action == "list" else _compile(arguments)
     if not is_freeing:
         raise UsageError("gslcosim cache free: expected --older-than, --keep or --all, which say what to remove.")
     return _free(arguments)
@@ -119,6 +136,36 @@ def _free(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _compile(arguments: argparse.Namespace) -> int:
+    import subprocess
+
+    from gslcosim.cli.progress import ProgressLine
+    from gslcosim.runtime.kernel_compilation import compile_kernels
+
+    before_bytes, began_s = _measure_kernels_bytes(), time.monotonic()
+    with ProgressLine("compiling kernels", is_quiet=arguments.json) as line:
+
+        def report(fraction: float) -> None:
+            line.show("", fraction=fraction, plain=f"{100 * fraction:.0f} %")
+
+        try:
+            compile_kernels(arguments.scenarios, report)
+        except subprocess.CalledProcessError as error:
+            raise UsageError("gslcosim cache compile: a process has failed, for the reason above.") from error
+    added_bytes, took_s = _measure_kernels_bytes() - before_bytes, time.monotonic() - began_s
+    if arguments.json:
+        write_json({"added_mb": _mb(added_bytes), "took_s": round(took_s, 1)})
+    else:
+        write(f"Compiled {_size(added_bytes)} of kernels in {took_s:.0f} s.")
+    return 0
+
+
+def _measure_kernels_bytes() -> int:
+    from gslcosim.base.disk_cache import list_entries
+
+    return sum(entry.size_bytes for entry in list_entries() if entry.kind == "kernels")
+
+
 def _build_choice(arguments: argparse.Namespace) -> "Callable[[Sequence[CacheEntry]], list[CacheEntry]]":
     from gslcosim.base.disk_cache import parse_size_bytes
 
@@ -179,7 +226,7 @@ def _size(size_bytes: float) -> str:
 
 COMMAND = Command(
     name="cache",
-    summary="list the cache (rooms, gas tapes, compiled kernels) by size and last use; free space",
+    summary="list the cache (rooms, gas tapes, compiled kernels) by size and last use; free space; compile ahead",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     completes={"KIND": [find_named(lambda: FOLDERS)]},

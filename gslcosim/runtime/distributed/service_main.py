@@ -43,17 +43,12 @@ def build_fork_request(names: Sequence[str], join: JoinData) -> dict[str, Any]:
 
 
 def build_fork_work() -> ForkWork:
-    """Return the work of a fork server whose forks become services, or warm up those of a scenario."""
+    """Return the work of a fork server whose forks become services."""
     early = {kind.name: kind.import_early for kind in default_services() if kind.import_early is not None}
     return ForkWork(become=_become_service, preload=import_shared_modules, early=early)
 
 
 def _become_service(request: Mapping[str, Any]) -> None:
-    if "warm_up" in request:
-        from gslcosim.runtime.early_warmup import run_warmup_request
-
-        run_warmup_request(request["warm_up"])
-        return
     names = [str(name) for name in request["services"]]
     set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
     serve(names, JoinData.model_validate(request["join"]))

@@ -135,10 +135,10 @@ class ForkedProcess:
 class ForkServer:
     """Running fork server; leaving the context ends it and all that it has forked.
 
-    It starts to import when it is made, so it is made before anything else is prepared.
+    It starts to import when it is made, so it is made before anything else is prepared. `words` start it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, words: Sequence[str] = ("-m", "gslcosim_services", "--fork-server")) -> None:
         try:
             self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
         except OSError as error:
@@ -154,7 +154,7 @@ class ForkServer:
             number = os.dup(theirs.fileno())
             self._process = spawn(
                 FORK_SERVER,
-                build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
+                build_python_command(*words, str(number), TITLE_PADDING),
                 environment={**inherited, **SINGLE_THREAD_VARIABLES},
                 streams=Streams(stdout=self._log.fileno()),
                 inherited=[number],

@@ -55,3 +55,32 @@ def test_an_agent_without_observe_reads_questions_only(agent_type, seen):
     assert not thread.is_alive()
     assert Asked.last.seen == seen
     assert answers.empty()
+
+
+def test_an_agent_among_several_is_shown_its_question_once_the_others_have_come_as_far():
+    hub = InMemoryHub()
+    ours, answers, are_there = hub.open(), queue.SimpleQueue(), threading.Semaphore(0)
+    names = (AGENT, "other")
+    for name in names:
+        ours.subscribe(keys.raw_command(name), lambda key, payload: answers.put((key, codec.decode(Command, payload))))
+    ours.watch_alive("agents/*/alive", lambda _, is_alive: are_there.release())
+    thread = threading.Thread(target=answer_observations, args=(Asked, hub.open(), names), daemon=True)
+    thread.start()
+    assert all(are_there.acquire(timeout=EVENT_S) for _ in names)
+    world = ScriptedWorld(7)
+    for name in names:
+        briefing = build_briefing(7).model_copy(update={"agent": name})
+        ours.publish(keys.briefing(name), codec.encode(briefing))
+    for asked in names:
+        observation = world.observe(names.index(asked), is_asked=True)
+        for name in names:
+            changes = {"agent": name, "awaiting_command": name == asked}
+            payload = codec.encode(observation.model_copy(update=changes))
+            ours.publish(keys.observation(name), payload)
+            if name == asked:
+                ours.publish(keys.question(name), payload)
+        key, command = answers.get(timeout=EVENT_S)
+        assert (key, command.tick) == (keys.raw_command(asked), observation.tick)
+    ours.publish(keys.ending(AGENT), codec.encode(Ending(tick=1, reason="done")))
+    thread.join(10)
+    assert not thread.is_alive()

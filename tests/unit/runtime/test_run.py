@@ -3,16 +3,23 @@
 import threading
 
 from gslcosim.cli.run_output import PlainLines
-from gslcosim.runtime.run import CompilationReporter, KernelFolder
+from gslcosim.runtime.kernel_compilation import KernelFolder
+from gslcosim.runtime.run import CompilationReporter
 from gslcosim.runtime.status import RunStatus
+
+
+def add_kernel(folder):
+    folder.mkdir(parents=True)
+    (folder / "step.py311.1.nbc").touch()
 
 
 def test_a_folder_that_was_not_there_is_new(tmp_path):
     """As in the first run of a version."""
     folder = KernelFolder(tmp_path / "numba")
     assert not folder.has_new()
-    (tmp_path / "numba" / "physics").mkdir(parents=True)
+    add_kernel(tmp_path / "numba" / "physics")
     assert folder.has_new()
+    assert 0 < folder.estimate_share() < 1
 
 
 def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
@@ -26,7 +33,7 @@ def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
 
     with CompilationReporter(report, KernelFolder(tmp_path)) as reporter:
         reporter(RunStatus(state="starting", run_dir=tmp_path))
-        (tmp_path / "physics").mkdir()
+        add_kernel(tmp_path / "physics")
         assert is_told.wait(60)
         reporter(RunStatus(state="starting", text="waiting for world"))
         reporter(RunStatus(state="flying", sim_time_s=1.0))
@@ -56,7 +63,7 @@ def test_preparation_says_that_it_compiles_and_that_only_a_first_run_does(tmp_pa
 
     with CompilationReporter(report, KernelFolder(tmp_path)) as reporter:
         reporter(RunStatus(state="preparing", text="Building the room", fraction=0.0))
-        (tmp_path / "flow").mkdir()
+        add_kernel(tmp_path / "flow")
         assert is_told.wait(60)
     assert reports[0].text == "Building the room"
     assert reports[-1].text.startswith("Building the room, compiling kernels, about a minute")

@@ -51,7 +51,7 @@ def test_the_lock_names_every_declared_package_and_no_registry():
     text, project = LOCK_FILE.read_text(), tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     # These have environments of their own.
-    others = [entry for name in ("peers", "olfactory") for entry in extras.pop(name)]
+    others = [entry for name in ("peers", "robot-peers", "olfactory") for entry in extras.pop(name)]
     assert others
     declared = [*project["dependencies"], *(entry for extra in extras.values() for entry in extra)]
     names = {re.match(r"[A-Za-z0-9._-]+", entry)[0].lower() for entry in declared} - {"gslcosim"}

@@ -79,6 +79,9 @@ def test_free_lists_what_it_would_remove_and_removes_it_when_asked(cache, capsys
         (["--all"], "with free only"),
         (["free", "--older-than", "soon"], "expected an age such as 90min, 12h, 30d or 8w, was 'soon'"),
         (["free", "--keep", "some"], "gslcosim cache --keep: expected a size such as"),
+        (["free", "tiny_room"], "expected scenarios with compile only, was 'tiny_room'"),
+        (["compile", "--yes"], "with free only"),
+        (["compile", "tiny_rom"], "tiny_room"),
         (["--kind", "gas"], "expected --kind of room, tape, kernels, files, program, was 'gas'"),
     ],
 )

@@ -8,15 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from deadlines import EVENT_S, PROCESS_S
+from deadlines import EVENT_S
 
 from gslcosim.base.errors import SimulationFault
 from gslcosim.bus.interface import JoinData
 from gslcosim.runtime.distributed.service_main import build_fork_request
-from gslcosim.runtime.early_warmup import fork_warmup
 from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim.runtime.processes.fork_server import ForkServer
-from gslcosim.scenario import load_scenario
 
 pytestmark = [
     pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
@@ -54,12 +52,6 @@ def test_the_server_has_one_thread(server, tmp_path):
     """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
     fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
     assert len(list(Path(f"/proc/{server.pid}/task").iterdir())) == 1
-
-
-def test_a_fork_compiles_the_kernels_of_a_scenario(server):
-    """While the supervisor makes the environment; what it loads is in the cache afterwards, and it ends by itself."""
-    loaded = load_scenario("tiny_room")
-    assert fork_warmup(server, loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
 
 
 @pytest.mark.slow

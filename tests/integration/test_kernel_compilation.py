@@ -1,18 +1,41 @@
 """Kernels of bundled agents are compiled by a process of ours before an agent that may keep none needs them."""
 
+import itertools
+import math
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.methods.card import find_card_beside
-from gslcosim.runtime.agents import kernel_warmup
-from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
+from gslcosim.runtime import kernel_compilation
+from gslcosim.runtime.kernel_compilation import compile_agent_kernels
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.method_scenario import build_method_scenario
 
 DIRECTORY = bundled_scenarios()["tiny_room"].parent
+# Flies in this process and says how many kernels that can be cached were compiled.
+COUNTING = """
+import sys
+from gslcosim.cli.main import main
+from numba.core import event
+
+compiled = []
+
+class Counting(event.Listener):
+    def on_start(self, event):
+        compiled.extend([event.data["dispatcher"]] * hasattr(event.data["dispatcher"]._cache, "_impl"))
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Counting())
+assert main(["up", "tiny_room", "--processes", "one", "--runs-dir", sys.argv[1]]) == 0
+print(len(compiled))
+"""
 STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
 
 
@@ -23,6 +46,8 @@ def test_each_bundled_agent_has_what_its_card_says_in_the_small_room(name):
     scenario = build_method_scenario(name, card, DIRECTORY)
     assert scenario.agents[0].start.python == name
     assert len(scenario.agents) >= (card.robots if isinstance(card.robots, int) else card.robots[0])
+    starts_m = [agent.vehicle.start_m for agent in scenario.agents]
+    assert all(math.dist(*pair) > 0.9 for pair in itertools.combinations(starts_m, 2))
 
 
 def compiled(*changes, is_one_process=False):
@@ -36,10 +61,10 @@ def compiled(*changes, is_one_process=False):
 @pytest.mark.slow
 def test_kernels_are_compiled_once_and_only_for_bundled_agents_in_sandboxes():
     """Agents without a sandbox, objects in this process, and programs of others compile for themselves."""
-    if kernel_warmup.choose_sandbox(load_scenario("tiny_room").scenario.agents[0]) == "none":
+    if kernel_compilation.choose_sandbox(load_scenario("tiny_room").scenario.agents[0]) == "none":
         pytest.skip("there is no sandbox here")
     kernels = Path(os.environ["NUMBA_CACHE_DIR"])
-    for mark in (kernels / "agents").glob("infotaxis.*"):
+    for mark in (kernels / "marks").glob("infotaxis.*"):
         mark.unlink()
     assert compiled(STARTED_APART, "agents[0].sandbox=none") == []
     assert compiled("agents[0].start={python: infotaxis}", is_one_process=True) == []
@@ -47,3 +72,11 @@ def test_kernels_are_compiled_once_and_only_for_bundled_agents_in_sandboxes():
     assert compiled(STARTED_APART, is_one_process=True) == ["infotaxis"]
     assert any(path.name.startswith("objectives.") for path in kernels.rglob("*.nbc"))
     assert compiled(STARTED_APART) == []
+
+
+@pytest.mark.slow
+def test_a_run_compiles_nothing_that_was_compiled_ahead(tmp_path):
+    compile_ahead = [sys.executable, "-m", "gslcosim", "cache", "compile", "tiny_room", "--json"]
+    subprocess.run(compile_ahead, check=True)
+    counting = [sys.executable, "-c", COUNTING, str(tmp_path)]
+    assert subprocess.run(counting, capture_output=True, text=True, check=True).stdout.splitlines()[-1] == "0"
