@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from gslcosim.base.errors import ModelError, SnapshotError
 from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
@@ -192,8 +192,7 @@ class Gate:
         return min((self._credit[name] + window for name, window in self._windows.items()), default=NO_TICK_LIMIT)
 
 
-@dataclass(frozen=True)
-class SentMessage:
+class SentMessage(NamedTuple):
     """An output with its canonical bytes."""
 
     port: str

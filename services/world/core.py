@@ -1,7 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """World core: the vehicles of all agents in one environment, advanced tick by tick, and checks of their starts."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,8 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
@@ -33,7 +34,7 @@ from gslcosim_services.world.obstacle_avoidance import ObstacleAvoidance
 from gslcosim_services.world.scene import DoorGeoms, Scene, build_scene, register_mujoco_state
 from gslcosim_services.world.separation import Neighbours, warm_up_separation
 from gslcosim_services.world.service import world_spec
-from gslcosim_services.world.simulation_loop import run_substeps_inplace
+from gslcosim_services.world.simulation_loop import SceneArrays, run_substeps_inplace
 from gslcosim_services.world.trajectory import to_vec3
 from gslcosim_services.world.vehicle_records import VehicleCapabilities, derive_capabilities
 
@@ -48,7 +49,6 @@ _MAX_STANDING_HEIGHT_M = 0.5
 # Cosine to the vertical of the direction in which something carries a wheel, at least.
 _MIN_SUPPORT_COSINE = 0.7
 
-_MujocoArrays = tuple[Any, Any, Any, Any, Any, Any]
 _new_poses = build_unchecked_constructor(BodyPoses)
 
 
@@ -154,7 +154,7 @@ class SimulatedVehicle:
     def end_tick(self, tick: int) -> None:
         """Update the autopilot with the state that physics has reached."""
         guide, position_m = self._autopilot, self.true_position_m
-        self._path_length_m += math.dist(position_m, self.position_m)
+        self._path_length_m += distance(position_m, self.position_m)
         self.position_m = position_m
         was_landing = guide.phase == "landing"
         w, x, y, z = self._rows.pose[3:].tolist()
@@ -162,7 +162,7 @@ class SimulatedVehicle:
             tick,
             position_m,
             self.true_velocity_m_s,
-            yaw_rad=math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
+            yaw_rad=elementary.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
             uprightness=1.0 - 2.0 * (x * x + y * y),
         )
         self._follow(reference)
@@ -198,7 +198,7 @@ class SimulatedVehicle:
         reference = self._reference
         if reference.setpoint is not None or not reference.is_armed or tick == 0:
             return None
-        return math.dist(self.position_m, reference.trajectory.state_at(tick, tick_ns)[0])
+        return distance(self.position_m, reference.trajectory.position_at(tick, tick_ns))
 
     def _follow(self, reference: Reference) -> None:
         if reference is self._reference:
@@ -227,7 +227,7 @@ def check_starts(
         problems.append(space.find_start_refusal(f"{name}.start_m", start_m))
         problems.append(_find_height_problem(name, agent, space, start_m, is_flying=is_flying))
         for other, other_space, (other_m, _) in list(zip(agents, spaces, starts, strict=True))[:i]:
-            apart_m, needed_m = math.dist(start_m, other_m), space.radius_m + other_space.radius_m
+            apart_m, needed_m = distance(start_m, other_m), space.radius_m + other_space.radius_m
             if apart_m < needed_m:
                 problems.append(
                     f"{name}.start_m: expected at least {needed_m:g} m from {other.name}'s vehicle, was {apart_m:g} m."
@@ -273,7 +273,7 @@ class WorldCore:
     """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz (50 Hz when there are only point robots).
 
     Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
-    `data` is the state of the MuJoCo scene.
+    `data` is the state of the MuJoCo scene, `states` (n,) records of `vehicle_records.STATE`.
     Invariants: every vehicle's state is finite; every waypoint on the way is free and inside the room.
     Raises ModelError when a state explodes, naming the agent; the runtime then ends the run as invalid.
     It draws no random numbers: the seed does not matter to it.
@@ -299,11 +299,13 @@ class WorldCore:
         self._constants = _build_constants(self._scene, self._agents, models, dt_s)
         self._door_geoms = DoorGeoms(environment, self._scene, doors)
         self._rotor_faults = RotorFaults(scenario, self._constants)
-        self._states = np.zeros(len(self._agents), vehicle_records.STATE)
+        self.states = np.zeros(len(self._agents), vehicle_records.STATE)
         has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
         self._inertial = np.zeros((len(self._agents), self._n_substeps if any(has_imu) else 0, 9))
         self._i_velocities = np.add.outer(self._constants["i_qvel"], np.arange(3))
-        self._views, self._loop_arguments = self._arguments_of_loop()
+        grid = environment.grid
+        self._scene_arrays = SceneArrays.of(self._scene.model, self.data)
+        self._wind_grid = (np.array(grid.origin_m, np.float64), float(grid.cell_m))
         self._routes: dict[tuple[object, ...], RoutePlanner] = {}
         starts = [
             _find_start_state(agent, space, half_height_m)
@@ -380,7 +382,7 @@ class WorldCore:
         if self._routes:
             warm_up_planner()
         if any(agent.vehicle.separation_m for agent in self._agents):
-            warm_up_separation()
+            warm_up_separation(self._environment)
 
     # Vehicles of a kind have one model of the room.
     def _avoidance(
@@ -429,8 +431,8 @@ class WorldCore:
         i_substep, noted = 0, b""
         while i_substep < self._n_substeps:
             i_substep, i_unsound = run_substeps_inplace(
-                i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self._states,
-                self._inertial, *self._views, frame, *self._loop_arguments,
+                i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self.states,
+                self._inertial, self._scene_arrays, frame, *self._wind_grid,
             )  # fmt: skip
             if i_unsound >= 0:
                 raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
@@ -469,17 +471,11 @@ class WorldCore:
         i_qpos, i_qvel = int(self._constants[k]["i_qpos"]), int(self._constants[k]["i_qvel"])
         return VehicleViews(
             constants=self._constants[k],
-            state=self._states[k, ...],
+            state=self.states[k, ...],
             pose=self.data.qpos[i_qpos : i_qpos + 7],
             motion=self.data.qvel[i_qvel : i_qvel + 6],
             inertial=self._inertial[k] if has_imu else None,
         )
-
-    # Views of MuJoCo's arrays and addresses stay valid as long as model and data live.
-    def _arguments_of_loop(self) -> tuple[_MujocoArrays, tuple[Any, Any, Any, Any]]:
-        model, data, grid = self._scene.model, self.data, self._environment.grid
-        views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
-        return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), model._address, data._address)
 
 
 # One compiled kernel serves all winds: read-only, as they come from a memory map.

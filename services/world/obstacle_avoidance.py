@@ -8,7 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance, norm2, norm3
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim_services.world.flight_space import FlightSpace, RoutePlanner
 from gslcosim_services.world.leg_planners import AT_REST, Leg, deviates_from_line, plan_leg
@@ -99,7 +101,7 @@ class ObstacleAvoidance:
     def _leaves(self, state: NDArray[np.float64]) -> bool:
         here_m = self.routes.level(to_vec3(state[0]))
         free_m = self.routes.nearest_free_m(here_m)
-        return free_m is not None and float(np.subtract(free_m, here_m) @ state[1]) > 0.0
+        return free_m is not None and sum(((np.subtract(free_m, here_m)) * state[1]).tolist()) > 0.0
 
     # A place that is too near to something becomes the nearest one outside that the vehicle can reach.
     def _moved(self, leg: Leg, from_m: Vec3) -> tuple[Leg, str | None]:
@@ -144,7 +146,7 @@ class ObstacleAvoidance:
             legs.append(bend)
         last = replace(leg, after_s=left_s)
         if leg.is_passed and not self._is_clear(self._path(last, state)):
-            found = f"was passed at {math.hypot(*leg.velocity_world_m_s):g} m/s"
+            found = f"was passed at {norm3(*leg.velocity_world_m_s):g} m/s"
             raise _NoRouteError(
                 f"{leg.name}: expected a way that keeps clear of obstacles, {found}; the vehicle holds."
             )
@@ -153,12 +155,12 @@ class ObstacleAvoidance:
     # From a corner that is passed the vehicle must still be able to stop at the next one.
     def _corner(self, bend: Leg, state: NDArray[np.float64], before_m: Vec3, after_m: Vec3) -> Leg:
         into, out_of = (_direction(a, b) for a, b in pairwise((before_m, bend.place_world_m, after_m)))
-        turn_rad = math.acos(float(np.clip(into @ out_of, -1.0, 1.0)))
+        turn_rad = elementary.acos(min(max(sum((into * out_of).tolist()), -1.0), 1.0))
         if self.has_wheels or turn_rad > _MAX_PASSED_TURN_RAD:
             return bend
-        shortest_m = min(math.dist(before_m, bend.place_world_m), math.dist(bend.place_world_m, after_m))
+        shortest_m = min(distance(before_m, bend.place_world_m), distance(bend.place_world_m, after_m))
         most_m_s = min(self.limits.max_speed_m_s, math.sqrt(self.limits.max_acceleration_m_s2 * shortest_m))
-        tangent = (into + out_of) / np.linalg.norm(into + out_of)
+        tangent = _direction((0.0, 0.0, 0.0), to_vec3(into + out_of))
         for share in _CORNER_SPEED_FRACTIONS:
             passed = replace(bend, velocity_world_m_s=to_vec3(0.999 * share * most_m_s * tangent))
             onward = replace(bend, place_world_m=after_m)
@@ -183,12 +185,12 @@ def _bend_leg(leg: Leg, place_m: Vec3) -> Leg:
 
 
 def _is_moving(state: NDArray[np.float64]) -> bool:
-    return float(np.linalg.norm(state[1])) > _MIN_MOVING_SPEED_M_S
+    return norm3(*state[1].tolist()) > _MIN_MOVING_SPEED_M_S
 
 
 def _direction(a_m: Vec3, b_m: Vec3) -> NDArray[np.float64]:
     step_m = np.subtract(b_m, a_m)
-    return step_m / max(_MIN_DISTANCE_M, float(np.linalg.norm(step_m)))
+    return step_m / max(_MIN_DISTANCE_M, distance(a_m, b_m))
 
 
 def _format_point(place_m: Vec3) -> str:
@@ -230,7 +232,7 @@ class BrakingMonitor:
 
     def check_drive_speed(self, tick: int, follower: PathFollower, speed_m_s: float) -> str | None:
         """Return why wheels cannot reach a speed [m/s] from their present turn, or nothing."""
-        direction = (math.cos(follower.yaw_rad), math.sin(follower.yaw_rad))
+        direction = (elementary.cos(follower.yaw_rad), elementary.sin(follower.yaw_rad))
         now_m_s = follower.velocity_m_s[0] * direction[0] + follower.velocity_m_s[1] * direction[1]
         change_m_s = self._limits.max_acceleration_m_s2 * self.tick_ns / NS_PER_S
         next_m_s = min(max(speed_m_s, now_m_s - change_m_s), now_m_s + change_m_s)
@@ -241,7 +243,7 @@ class BrakingMonitor:
     def _ahead_of_wheels(self, tick: int, position_m: Vec3, velocity_m_s: Vec3) -> str | None:
         u, v, _ = velocity_m_s
         # A stop takes 1.5 v/a, on average at half the speed; see `set_quartic_to_velocity_inplace`.
-        braking_s = 0.75 * math.hypot(u, v) / self._limits.max_acceleration_m_s2 + self.tick_ns / NS_PER_S
+        braking_s = 0.75 * norm2(u, v) / self._limits.max_acceleration_m_s2 + self.tick_ns / NS_PER_S
         x_m, y_m, z_m = position_m
         edge = self.space.find_edge_ahead("drive", (x_m + braking_s * u, y_m + braking_s * v, z_m), (u, v, 0.0))
         if edge is not None or self.avoidance is None:

@@ -1,5 +1,10 @@
 # pyright: basic
-"""Separation of vehicles: velocities that pass others at a distance, and the evasion that follows them."""
+"""Separation of vehicles: velocities that pass others at a distance, and the evasion that follows them.
+
+Arguments of kernels: `own` index of a vehicle among all; `wanted` its velocity without the others, world frame xyz
+[m/s]; `positions_m`, `velocities_m_s` (n, 3) those of all vehicles now, world frame; `least_m` (n,) what it keeps from
+each [m].
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -11,8 +16,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance, norm3
 from gslcosim.base.ticks import ticks_from_seconds
+from gslcosim.environment.model import Cell, Environment
 from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import AT_REST
 from gslcosim_services.world.obstacle_avoidance import ObstacleAvoidance
@@ -30,13 +38,15 @@ _SPEED_FRACTIONS = (1.0, 0.5)
 # Factors from a desired velocity to the candidates, (k, 3) cosine, sine and fraction of the climb: all turns at full
 # and at half speed, then none.
 _CANDIDATE_FACTORS = np.array(
-    [(share * math.cos(a), share * math.sin(a), share) for share in _SPEED_FRACTIONS for a in _TURNS_RAD]
+    [(share * elementary.cos(a), share * elementary.sin(a), share) for share in _SPEED_FRACTIONS for a in _TURNS_RAD]
     + [(0.0, 0.0, 0.0)]
 )
 # Longest time for which a vehicle makes way for others on one leg, before it holds.
 MAX_EVASION_S = 20.0
 # The middle of a vehicle and its sides, in radii.
 _HULL_OFFSETS = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
+
+_SOLID = int(Cell.SOLID)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -60,13 +70,6 @@ def time_to_conflict_s(own, wanted, positions_m, velocities_m_s, least_m):
 
     |p - v t| = d at the first t >= 0        p offset, v approach, d distance to keep
     [m] = [m/s] [s]
-
-    Args:
-        own: Index of the vehicle among all.
-        wanted: Its desired velocity, world frame xyz [m/s].
-        positions_m: (n, 3) all vehicles, world frame [m].
-        velocities_m_s: (n, 3) all vehicles, world frame [m/s]; that of `own` does not count.
-        least_m: (n,) what it keeps from each [m].
 
     Returns:
         Time [s]; 0 for a vehicle that is too near already and comes nearer; infinite without a meeting.
@@ -93,42 +96,33 @@ def time_to_conflict_s(own, wanted, positions_m, velocities_m_s, least_m):
 
 
 @numba.njit(cache=True, nogil=True)
-def passing_costs(
-    tried_m_s, own, wanted, positions_m, velocities_m_s, least_m, gives_way, horizon_s, soonest_s, cost_m
-):
-    """Return the costs of velocities of a vehicle among others.
+def rank_passing_velocities(own, wanted, positions_m, velocities_m_s, least_m, gives_way):
+    """Return velocities that a vehicle may take among others, the cheapest first.
 
     cost = |v - wanted| + w / max(t, t_soonest) where t < horizon        t time until the first meeting
     [m/s] = [m/s] + [m] / [s]
 
     Another one that makes way too keeps its velocity u in half of the change: the two approach with 2 v - own - u,
-    else with v - u.
+    else with v - u. Costs are compared in units of 1e-9 m/s; of equal ones the first velocity comes first.
 
     Args:
-        tried_m_s: (k, 3) velocities to choose from, world frame [m/s].
-        own: Index of the vehicle among all.
-        wanted: Velocity without the others, world frame xyz [m/s].
-        positions_m: (n, 3) all vehicles, world frame [m].
-        velocities_m_s: (n, 3) their velocities now, world frame [m/s].
-        least_m: (n,) what it keeps from each [m].
         gives_way: (n,) whether each does its half.
-        horizon_s: Meetings later than this cost nothing [s].
-        soonest_s: Sooner ones cost no more than at this time [s].
-        cost_m: w, cost of a meeting [m].
 
     Returns:
-        (k,) costs [m/s].
+        (k, 3) velocities, world frame [m/s].
 
     Source:
         van den Berg, Lin and Manocha 2008, doi:10.1109/ROBOT.2008.4543489, sections IV and V.
     Held by:
         tests/unit/services/world/test_separation.py
     """
-    costs = np.empty(tried_m_s.shape[0])
+    ranked = np.empty((_CANDIDATE_FACTORS.shape[0], 3))
+    costs = np.empty(_CANDIDATE_FACTORS.shape[0])
     x, y, z = positions_m[own, 0], positions_m[own, 1], positions_m[own, 2]
     own_u, own_v, own_w = velocities_m_s[own, 0], velocities_m_s[own, 1], velocities_m_s[own, 2]
-    for k in range(tried_m_s.shape[0]):
-        u, v, w = tried_m_s[k, 0], tried_m_s[k, 1], tried_m_s[k, 2]
+    for k in range(_CANDIDATE_FACTORS.shape[0]):
+        cosine, sine, fraction = _CANDIDATE_FACTORS[k]
+        u, v, w = cosine * wanted[0] - sine * wanted[1], sine * wanted[0] + cosine * wanted[1], fraction * wanted[2]
         meeting_s = np.inf
         for i in range(positions_m.shape[0]):
             if i == own:
@@ -142,10 +136,48 @@ def passing_costs(
                 offset_x, offset_y, offset_z, approach_u, approach_v, approach_w, least_m[i]
             )
             meeting_s = min(meeting_s, met_s)
-        costs[k] = math.sqrt((u - wanted[0]) ** 2 + (v - wanted[1]) ** 2 + (w - wanted[2]) ** 2)
-        if meeting_s < horizon_s:
-            costs[k] += cost_m / max(meeting_s, soonest_s)
-    return costs
+        cost = math.sqrt((u - wanted[0]) ** 2 + (v - wanted[1]) ** 2 + (w - wanted[2]) ** 2)
+        if meeting_s < HORIZON_S:
+            cost += _CONFLICT_COST_M / max(meeting_s, _MIN_CONFLICT_TIME_S)
+        cost = np.rint(cost * 1e9) / 1e9
+        place = k
+        while place > 0 and costs[place - 1] > cost:
+            costs[place], ranked[place] = costs[place - 1], ranked[place - 1]
+            place -= 1
+        costs[place] = cost
+        ranked[place, 0], ranked[place, 1], ranked[place, 2] = u, v, w
+    return ranked
+
+
+@numba.njit(cache=True, nogil=True)
+def is_hull_open_ahead(position_m, velocity_m_s, radius_m, occupancy, origin_m, cell_m):
+    """Return whether a vehicle that keeps a velocity is in the room and in free cells half a second and a second later.
+
+    Args:
+        position_m: Its middle now, world frame xyz [m].
+        velocity_m_s: World frame xyz [m/s].
+        radius_m: Distance of its sides, which are looked at too, from its middle [m].
+        occupancy: (nx, ny, nz) contents of cells.
+        origin_m: Corner of cell (0, 0, 0), world frame xyz [m].
+        cell_m: Edge of the cells [m].
+
+    Held by:
+        tests/unit/services/world/test_separation.py
+    """
+    nx, ny, nz = occupancy.shape
+    for ahead_s in (0.5, 1.0):
+        x, y, z = (
+            ahead_s * velocity_m_s[0] + position_m[0],
+            ahead_s * velocity_m_s[1] + position_m[1],
+            ahead_s * velocity_m_s[2] + position_m[2],
+        )
+        for side in _HULL_OFFSETS:
+            i = math.floor((x + radius_m * side[0] - origin_m[0]) / cell_m)
+            j = math.floor((y + radius_m * side[1] - origin_m[1]) / cell_m)
+            k = math.floor((z + radius_m * side[2] - origin_m[2]) / cell_m)
+            if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz) or occupancy[i, j, k] == _SOLID:
+                return False
+    return True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +205,7 @@ def find_passing_velocity(wanted_m_s: Vec3, neighbours: Neighbours, is_open: Cal
     """Return the velocity, nearest to the desired one, that leads a vehicle past others.
 
     Reciprocal velocity obstacles: a vehicle in a pair that both make way changes its velocity by half of the need.
-    `passing_costs` has the costs of velocities; the cheapest that leads to free places is taken.
+    `rank_passing_velocities` has their costs; the cheapest that leads to free places is taken.
 
     Args:
         wanted_m_s: Velocity that it would take alone, world frame [m/s], not zero.
@@ -188,30 +220,29 @@ def find_passing_velocity(wanted_m_s: Vec3, neighbours: Neighbours, is_open: Cal
     Held by:
         tests/unit/services/world/test_separation.py
     """
-    tried = _candidate_velocities(wanted_m_s)
     others = (neighbours.positions_m, neighbours.velocities_m_s, neighbours.least_m, neighbours.yields)
-    limits = (HORIZON_S, _MIN_CONFLICT_TIME_S, _CONFLICT_COST_M)
-    costs = passing_costs(tried, neighbours.own, wanted_m_s, *others, *limits)
-    for i in np.argsort(costs.round(9), kind="stable"):
-        u, v, w = tried[i].tolist()
+    for u, v, w in rank_passing_velocities(neighbours.own, wanted_m_s, *others).tolist():
         if is_open((u, v, w)):
             return u, v, w
     return 0.0, 0.0, 0.0
 
 
-def warm_up_separation() -> None:
+def warm_up_separation(room: Environment) -> None:
     """Pass an invented vehicle once, so that no kernel is compiled or loaded while simulated time passes."""
     places_m = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     is_giving_way = np.ones(2, np.bool_)
     ahead = Neighbours(own=0, positions_m=places_m, velocities_m_s=-places_m, least_m=np.ones(2), yields=is_giving_way)
+    space = FlightSpace(environment=room, radius_m=0.5)
     if has_conflict((1.0, 0.0, 0.0), ahead, HORIZON_S):
-        find_passing_velocity((1.0, 0.0, 0.0), ahead, lambda _: True)
+        find_passing_velocity((1.0, 0.0, 0.0), ahead, lambda velocity: is_open_ahead(space, AT_REST, velocity))
 
 
-def _candidate_velocities(wanted_m_s: Vec3) -> NDArray[np.float64]:
-    u, v, w = wanted_m_s
-    cosine, sine, share = _CANDIDATE_FACTORS.T
-    return np.stack([cosine * u - sine * v, sine * u + cosine * v, share * w], axis=1)
+def is_open_ahead(space: FlightSpace, position_m: Vec3, velocity_m_s: Vec3) -> bool:
+    """Return whether a vehicle at a place, world frame [m], that keeps a velocity [m/s] has room for a second."""
+    room = space.room
+    return is_hull_open_ahead(
+        position_m, velocity_m_s, space.radius_m, room.occupancy, room.grid.origin_m, room.grid.cell_m
+    )
 
 
 class Evasion:
@@ -268,13 +299,13 @@ class Evasion:
         kept_m_s, leg = self._path_follower.kept_velocity_m_s, self._path_follower.leg
         if kept_m_s is not None or leg is None:
             return kept_m_s or AT_REST, HORIZON_S
-        here_m = self._path_follower.motion(tick).state[0].tolist()
-        distance_m = math.dist(leg.place_world_m, here_m)
+        here_m = self._path_follower.trajectory.position_at(tick, self._tick_ns)
+        distance_m = distance(leg.place_world_m, here_m)
         if distance_m < ARRIVAL_RADIUS_M:
             return AT_REST, 0.0
         share_s = self._limits.max_speed_m_s * min(1.0, distance_m) / distance_m
         u, v, w = (share_s * (there - here) for there, here in zip(leg.place_world_m, here_m, strict=True))
-        return (u, v, w), min(HORIZON_S, distance_m / math.hypot(u, v, w))
+        return (u, v, w), min(HORIZON_S, distance_m / norm3(u, v, w))
 
     # A second ahead, as wide as the vehicle.
     def _is_open(self, velocity_m_s: Vec3) -> bool:
@@ -283,5 +314,4 @@ class Evasion:
             u, v, w = velocity_m_s
             x_m, y_m, z_m = position_m
             return self._avoidance.is_line_clear(position_m, (x_m + u, y_m + v, z_m + w))
-        ahead_m = np.multiply.outer((0.5, 1.0), velocity_m_s)[:, np.newaxis] + position_m
-        return self._space.is_open((ahead_m + self._space.radius_m * _HULL_OFFSETS).reshape(-1, 3))
+        return is_open_ahead(self._space, position_m, velocity_m_s)

@@ -1,17 +1,29 @@
 # pyright: basic
 # pyright: reportAttributeAccessIssue=false
-"""Compiled simulation loop: control, rotors, drag and MuJoCo's step for all vehicles, sub-step by sub-step."""
+"""Compiled simulation loop: control, rotors, drag and MuJoCo's step for all vehicles, sub-step by sub-step.
+
+Arguments of several functions: `vehicle` a record of `vehicle_records.CONSTANTS`; `state` one of `STATE`, whose
+integral, heading and rotor speeds are advanced; `p` (7 or more,) position, world frame [m], and attitude quaternion
+wxyz; `v` (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s]; `force` (6,) written:
+force, world frame [N], and torque, body frame [N m]; `R` nine numbers, rows of the matrix that turns body-frame into
+world-frame vectors; `t_s` time since the end of the trajectory's start tick [s]; `dt_s` length of a sub-step [s].
+"""
 
 # ruff: noqa: ANN001, ANN201, N803, N806 - kernels have no types, and symbols of equations
 
 import ctypes
+import math
 from pathlib import Path
+from typing import NamedTuple, Self
 
 import mujoco
 import numba
+import numpy as np
 from llvmlite import binding
 from numba import types
+from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import ModelError
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.world.multirotor_control import (
@@ -61,10 +73,6 @@ binding.add_symbol("mujoco_mj_step", _find_step_address())
 def is_state_plausible(p, v):
     """Return whether a vehicle's state is finite and within what a vehicle can do.
 
-    Args:
-        p: (7 or more,) position, world frame [m], and attitude quaternion wxyz.
-        v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
-
     Held by:
         tests/unit/services/world/test_world_core.py
     """
@@ -84,11 +92,9 @@ def path_time_s(state, tick, tick_s, i_substep, dt_s):
     """Return the time since the end of a path's start tick [s] at which a sub-step of a tick begins.
 
     Args:
-        state: Record of `records.STATE`.
         tick: The tick that is advanced to.
         tick_s: Length of a tick [s].
         i_substep: The sub-step, counted in the tick.
-        dt_s: Length of a sub-step [s].
     """
     return (tick - 1 - state.start_tick) * tick_s + i_substep * dt_s
 
@@ -96,14 +102,6 @@ def path_time_s(state, tick, tick_s, i_substep, dt_s):
 @numba.njit(cache=True, nogil=True)
 def path_force_inplace(vehicle, state, p, v, t_s, dt_s):
     """Return the specific force [m/s^2] that follows the path and the reference's jerk, world frame.
-
-    Args:
-        vehicle: Record of `records.CONSTANTS`.
-        state: Record of `records.STATE`; integral and heading are advanced.
-        p: (3 or more,) position, world frame [m].
-        v: (3 or more,) velocity, world frame [m/s].
-        t_s: Time since the end of the trajectory's start tick [s].
-        dt_s: Length of a sub-step [s].
 
     Held by:
         tests/analytic/test_world_flight.py
@@ -124,13 +122,6 @@ def step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind
     """Advance a multirotor's controller and rotors by one sub-step and write the force on its body.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
-        state: Record of `records.STATE`; integral, heading and rotor speeds are advanced.
-        p: (7,) position, world frame [m], and attitude quaternion wxyz.
-        v: (6,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
-        force: (6,) written: force, world frame [N], and torque, body frame [N m].
-        t_s: Time since the end of the trajectory's start tick [s].
-        dt_s: Length of a sub-step [s].
         wind_u: Wind at the vehicle along world x [m/s].
         wind_v: Wind at the vehicle along world y [m/s].
         wind_w: Wind at the vehicle along world z [m/s].
@@ -165,15 +156,6 @@ def step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind
 def step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s):
     """Advance a point robot's controller by one sub-step and write its force and torque; the robot has no drag.
 
-    Args:
-        vehicle: Record of `records.CONSTANTS`.
-        state: Record of `records.STATE`; integral and heading are advanced.
-        p: (7,) position, world frame [m], and attitude quaternion wxyz.
-        v: (6,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
-        force: (6,) written: force, world frame [N], and torque, body frame [N m].
-        t_s: Time since the end of the trajectory's start tick [s].
-        dt_s: Length of a sub-step [s].
-
     Held by:
         tests/analytic/test_world_flight.py
     """
@@ -195,10 +177,7 @@ def write_rotorcraft_force_inplace(vehicle, speeds, R, force, u, v, w):
     [N], [N m]
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         speeds: (n_rotors or more,) rotor speeds [rad/s].
-        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
-        force: (6,) written: force, world frame [N], and torque, body frame [N m].
         u: Relative wind along world x [m/s].
         v: Relative wind along world y [m/s].
         w: Relative wind along world z [m/s].
@@ -228,7 +207,6 @@ def has_contact(vehicle, qfrc_constraint, sensordata):
     which only contacts act.
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
         qfrc_constraint: View of MuJoCo's contact forces, in the axes of qvel [N, N m].
         sensordata: View of MuJoCo's sensors [N].
 
@@ -250,9 +228,6 @@ def write_inertial_inplace(vehicle, p, v, a, row):
     f_B = R' (a_W - g_W)      [m/s^2], g downwards
 
     Args:
-        vehicle: Record of `records.CONSTANTS`.
-        p: (7 or more,) position, world frame [m], and attitude quaternion wxyz, after the sub-step.
-        v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s], after the sub-step.
         a: (6 or more,) their rates of change during the sub-step.
         row: (9,) written: specific force [m/s^2], angular velocity [rad/s] and acceleration [rad/s^2], body frame.
 
@@ -269,12 +244,126 @@ def write_inertial_inplace(vehicle, p, v, a, row):
         row[6 + i] = a[3 + i]
 
 
+class SceneArrays(NamedTuple):
+    """Views of the arrays of a MuJoCo scene and their addresses, which stay valid as long as model and data live.
+
+    Attributes:
+        qpos: (n_qpos,) positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.
+        qvel: (n_qvel,) velocities: xyz [m/s], world frame, and angular [rad/s], body frame, then wheels.
+        qacc: (n_qvel,) accelerations, in the axes of qvel.
+        qfrc_applied: (n_qvel,) applied forces, in the axes of qvel [N, N m].
+        qfrc_constraint: (n_qvel,) contact forces, in the axes of qvel [N, N m].
+        sensordata: Sensors of touch [N].
+        contype: (n_bodies,) bits of what a body collides as; 0 here and below takes it out of all collisions.
+        conaffinity: (n_bodies,) bits of what collides with it.
+        obstacles_m: (n, 2, 3) middle and half sides of boxes around all that is fixed, world frame [m].
+        model_address: Address of the mjModel.
+        data_address: Address of the mjData.
+    """
+
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    qacc: NDArray[np.float64]
+    qfrc_applied: NDArray[np.float64]
+    qfrc_constraint: NDArray[np.float64]
+    sensordata: NDArray[np.float64]
+    contype: NDArray[np.int32]
+    conaffinity: NDArray[np.int32]
+    obstacles_m: NDArray[np.float64]
+    model_address: int
+    data_address: int
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, data: mujoco.MjData) -> Self:
+        """Return the arrays of a scene whose fixed geoms are boxes along the axes of the world."""
+        fixed = model.geom_bodyid == 0
+        return cls(
+            data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata,
+            model.body_contype, model.body_conaffinity,
+            np.stack([model.geom_pos[fixed], model.geom_size[fixed]], axis=1), model._address, data._address,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_near_inplace(is_near, vehicles, qpos, obstacles_m):
+    """Mark the vehicles that may touch something: a fixed box or another vehicle is in reach of one along all axes.
+
+    Args:
+        is_near: (n,) written.
+        vehicles: (n,) records of `records.CONSTANTS`.
+        qpos: See `SceneArrays`, and for `obstacles_m`.
+
+    Held by:
+        tests/unit/services/world/test_world_core.py
+    """
+    n_vehicles = vehicles.shape[0]
+    spheres = np.empty((n_vehicles, 4))
+    for k in range(n_vehicles):
+        i_qpos = vehicles[k].i_qpos
+        x, y, z, reach = qpos[i_qpos], qpos[i_qpos + 1], qpos[i_qpos + 2], vehicles[k].reach_m
+        spheres[k, 0], spheres[k, 1], spheres[k, 2], spheres[k, 3] = x, y, z, reach
+        near = vehicles[k].has_wheels != 0
+        for i in range(obstacles_m.shape[0]):
+            near |= (
+                abs(x - obstacles_m[i, 0, 0]) <= obstacles_m[i, 1, 0] + reach
+                and abs(y - obstacles_m[i, 0, 1]) <= obstacles_m[i, 1, 1] + reach
+                and abs(z - obstacles_m[i, 0, 2]) <= obstacles_m[i, 1, 2] + reach
+            )
+        for i in range(k):
+            both_m = spheres[i, 3] + reach
+            if abs(x - spheres[i, 0]) > both_m or abs(y - spheres[i, 1]) > both_m or abs(z - spheres[i, 2]) > both_m:
+                continue
+            is_near[i] = near = True
+        is_near[k] = near
+
+
+# Looking for the contacts of what is far from all else takes MuJoCo longer than a step, and finds none.
+@numba.njit(cache=True, nogil=True)
+def _step_scene(is_near, vehicles, scene) -> None:
+    mark_near_inplace(is_near, vehicles, scene.qpos, scene.obstacles_m)
+    contype, conaffinity = scene.contype, scene.conaffinity
+    for k in range(vehicles.shape[0]):
+        if not is_near[k]:
+            contype[vehicles[k].i_body] = conaffinity[vehicles[k].i_body] = 0
+    _mj_step(scene.model_address, scene.data_address)
+    for k in range(vehicles.shape[0]):
+        contype[vehicles[k].i_body], conaffinity[vehicles[k].i_body] = vehicles[k].contype, vehicles[k].conaffinity
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_attitude_inplace(q, w, dt_s, turned):
+    """Write the attitude after a rotation at a constant rate, in place of MuJoCo's, whose sine is the C library's.
+
+    q <- q (cos(|w| dt / 2), w / |w| sin(|w| dt / 2))
+
+    Args:
+        q: (4,) unit quaternion wxyz, body to world, before.
+        w: (3,) angular velocity, body frame [rad/s].
+        dt_s: Time of the rotation [s].
+        turned: (4,) written: the quaternion after it.
+
+    Source:
+        MuJoCo's `mju_quatIntegrate`.
+    Held by:
+        tests/unit/services/world/test_world_core.py
+    """
+    w_x, w_y, w_z = w[0], w[1], w[2]
+    rate = math.sqrt(w_x * w_x + w_y * w_y + w_z * w_z)
+    c, s = 1.0, 0.5 * dt_s
+    if rate > 0.0:
+        half = 0.5 * dt_s * rate
+        c, s = elementary.cos(half), elementary.sin(half) / rate
+    x, y, z = s * w_x, s * w_y, s * w_z
+    turned[0] = q[0] * c - q[1] * x - q[2] * y - q[3] * z
+    turned[1] = q[0] * x + q[1] * c + q[2] * z - q[3] * y
+    turned[2] = q[0] * y - q[1] * z + q[2] * c + q[3] * x
+    turned[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * c
+
+
 @numba.njit(cache=True, nogil=True)
 def run_substeps_inplace(
-    first, n_substeps, tick, tick_s, vehicles, states, inertial, qpos, qvel, qacc, qfrc_applied, qfrc_constraint,
-    sensordata,
-    wind_velocity_m_s, wind_origin_m, wind_cell_m, model_address, data_address,
-):  # fmt: skip
+    first, n_substeps, tick, tick_s, vehicles, states, inertial, scene, wind_velocity_m_s, wind_origin_m, wind_cell_m
+):
     """Run sub-steps of a tick until its end, the first contact, or the first unsound state.
 
     Stopping at a contact lets the caller read MuJoCo's contact list, which is valid only until the next sub-step.
@@ -287,18 +376,10 @@ def run_substeps_inplace(
         vehicles: (n,) records of `records.CONSTANTS`, with the indices of each vehicle's numbers in those of MuJoCo.
         states: (n,) records of `records.STATE`; advanced.
         inertial: (n, n_substeps or 0, 9) written where it has rows: see `write_inertial_inplace`.
-        qpos: (n_qpos,) view of MuJoCo's positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.
-        qvel: (n_qvel,) view of MuJoCo's velocities: xyz [m/s], world frame, and angular [rad/s], body frame, then
-            wheels.
-        qacc: (n_qvel,) view of MuJoCo's accelerations, in the axes of qvel.
-        qfrc_applied: (n_qvel,) view of MuJoCo's applied forces, in the axes of qvel [N, N m]; written.
-        qfrc_constraint: (n_qvel,) view of MuJoCo's contact forces, in the axes of qvel [N, N m].
-        sensordata: View of MuJoCo's sensors of touch [N].
+        scene: `SceneArrays`; advanced.
         wind_velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
         wind_origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         wind_cell_m: Edge of the cells [m].
-        model_address: Address of the mjModel.
-        data_address: Address of the mjData.
 
     Returns:
         (next sub-step, index of the unsound vehicle or -1).
@@ -307,14 +388,18 @@ def run_substeps_inplace(
         tests/analytic/test_world_flight.py, tests/unit/services/world/test_world_core.py
     """
     n_vehicles = vehicles.shape[0]
+    qpos, qvel, qacc = scene.qpos, scene.qvel, scene.qacc
+    is_near = np.empty(n_vehicles, np.bool_)
     dt_s = tick_s / n_substeps
+    attitudes = np.empty((n_vehicles, 4))
     for i_substep in range(first, n_substeps):
         for k in range(n_vehicles):
             vehicle, state = vehicles[k], states[k]
             p, v = qpos[vehicle.i_qpos : vehicle.i_qpos + 7], qvel[vehicle.i_qvel : vehicle.i_qvel + 8]
             if not is_state_plausible(p, v):
                 return i_substep, k
-            force = qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
+            attitudes[k] = p[3:7]
+            force = scene.qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
             t_s = path_time_s(state, tick, tick_s, i_substep, dt_s)
             if vehicle.has_rotors:
                 wind_u, wind_v, wind_w = trilinear_wind(wind_velocity_m_s, wind_origin_m, wind_cell_m, p[0], p[1], p[2])
@@ -323,7 +408,10 @@ def run_substeps_inplace(
                 step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s)
             else:
                 step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s)
-        _mj_step(model_address, data_address)
+        _step_scene(is_near, vehicles, scene)
+        for k in range(n_vehicles):
+            i, j = vehicles[k].i_qpos + 3, vehicles[k].i_qvel + 3
+            turn_attitude_inplace(attitudes[k], qvel[j : j + 3], dt_s, qpos[i : i + 4])
         if inertial.shape[1]:
             for k in range(n_vehicles):
                 vehicle = vehicles[k]
@@ -332,7 +420,7 @@ def run_substeps_inplace(
                     inertial[k, i_substep],
                 )  # fmt: skip
         for k in range(n_vehicles):
-            if has_contact(vehicles[k], qfrc_constraint, sensordata):
+            if has_contact(vehicles[k], scene.qfrc_constraint, scene.sensordata):
                 return i_substep + 1, -1
     for k in range(n_vehicles):
         vehicle = vehicles[k]

@@ -215,7 +215,7 @@ def _find_waypoint_refusal(legs: Sequence[Leg], abilities: VehicleCapabilities, 
 
 
 def _find_speed_refusal(name: str, velocity_m_s: tuple[float, ...], abilities: VehicleCapabilities) -> str | None:
-    speed_m_s, most_m_s = math.hypot(*velocity_m_s), abilities.limits.max_speed_m_s
+    speed_m_s, most_m_s = math.sqrt(sum(v * v for v in velocity_m_s)), abilities.limits.max_speed_m_s
     if is_beyond_limit(speed_m_s, most_m_s):
         return f"{name}: expected at most {most_m_s:g} m/s, was {speed_m_s:g} m/s."
     return None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.codec import encode
-from gslcosim_services.world.separation import Neighbours, find_passing_velocity, has_conflict
+from gslcosim_services.world.separation import Neighbours, find_passing_velocity, has_conflict, is_hull_open_ahead
 
 
 def among(*others, own_m_s=(0.0, 0.0, 0.0), least_m=1.0, gives_way=False):
@@ -84,6 +84,28 @@ def test_closed_ways_are_not_taken():
     assert find_passing_velocity((1.0, 0.0, 0.0), others, lambda _: False) == (0.0, 0.0, 0.0)
     _, v, _ = find_passing_velocity((1.0, 0.0, 0.0), others, lambda velocity: velocity[1] >= 0)
     assert v > 0
+
+
+# A room of 8, 10 and 12 m in cells of 2 m, one of them solid from (4, 6, 8) m on; a vehicle with a radius of 0.5 m.
+@pytest.mark.parametrize(
+    ("position_m", "velocity_m_s", "is_open"),
+    [
+        ((2.0, 5.0, 9.0), (0.0, 0.0, 0.0), True),
+        ((2.0, 7.0, 9.0), (1.49, 0.0, 0.0), True),
+        ((2.0, 7.0, 9.0), (1.51, 0.0, 0.0), False),
+        ((3.0, 7.0, 9.0), (4.0, 0.0, 0.0), False),
+        ((5.0, 5.4, 9.0), (0.0, 0.2, 0.0), False),
+        ((5.0, 7.0, 7.4), (0.0, 0.0, 0.2), False),
+        ((6.0, 1.0, 1.0), (1.49, 0.0, 0.0), True),
+        ((6.0, 1.0, 1.0), (1.51, 0.0, 0.0), False),
+        ((6.0, 1.0, 1.0), (0.0, -0.51, 0.0), False),
+        ((6.0, 1.0, 11.0), (0.0, 0.0, 0.51), False),
+    ],
+)
+def test_room_ahead_is_that_of_the_middle_and_all_sides(position_m, velocity_m_s, is_open):
+    occupancy = np.zeros((4, 5, 6), np.uint8)
+    occupancy[2, 3, 4] = 1
+    assert is_hull_open_ahead(position_m, velocity_m_s, 0.5, occupancy, (0.0, 0.0, 0.0), 2.0) == is_open
 
 
 def test_two_meet_head_on_and_pass_without_contact(make_pilot):

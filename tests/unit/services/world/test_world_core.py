@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,7 +12,11 @@ from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.contract.codec import encode
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
+from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import WorldCore
+from gslcosim_services.world.scene import build_scene
+from gslcosim_services.world.simulation_loop import SceneArrays, mark_near_inplace, turn_attitude_inplace
 
 CRATE = ("crate", (5.0, 5.0, 0.0), (6.0, 6.5, 1.0))
 
@@ -200,3 +205,35 @@ def test_a_start_that_reaches_into_something_is_refused(make_scenario, make_room
 def test_hulls_that_overlap_are_refused_however_their_centres_are(make_scenario, make_room):
     with pytest.raises(ScenarioError, match=r"expected at least 0\.647 m from agent_0's vehicle, was 0\.50"):
         WorldCore(make_scenario({}, {"model": "rover", "start_m": (3.5, 3.0, 0.1)}), make_room())
+
+
+def test_whatever_mujoco_finds_a_contact_of_is_near(make_room):
+    models = [get_vehicle(name) for name in ("iris", "crazyflie", "holonomic")]
+    room = make_room(obstacles=[("crate", (7.0, 4.0, 0.0), (9.0, 5.0, 2.0))])
+    scene = build_scene(room, list(zip("abc", models, strict=True)), 0.004)
+    data, constants = mujoco.MjData(scene.model), np.zeros(3, vehicle_records.CONSTANTS)
+    for record, model, name in zip(constants, models, "abc", strict=True):
+        vehicle_records.set_constants(record, model, scene.model, f"{name}/", 0.004)
+    arrays, rng = SceneArrays.of(scene.model, data), np.random.default_rng(5)
+    is_near, n_far, n_touching = np.empty(3, np.bool_), 0, 0
+    for _ in range(300):
+        places_m, turns = rng.uniform((6.0, 3.0, 0.0), (10.0, 6.0, 3.0), (3, 3)), rng.standard_normal((3, 4))
+        data.qpos[:] = np.hstack([places_m, turns / np.linalg.norm(turns, axis=1, keepdims=True)]).ravel()
+        mujoco.mj_forward(scene.model, data)
+        touching = {scene.agent_of_geom[geom] for geom in data.contact.geom.flat} - {-1}
+        mark_near_inplace(is_near, constants, data.qpos, arrays.obstacles_m)
+        assert touching <= set(np.flatnonzero(is_near).tolist())
+        n_far, n_touching = n_far + np.sum(~is_near), n_touching + len(touching)
+    assert n_far > 300
+    assert n_touching > 30
+
+
+def test_attitudes_turn_as_mujocos_do():
+    rng, turned = np.random.default_rng(7), np.empty(4)
+    for scale in (0.0, 1e-12, 1e-3, 1.0, 100.0):
+        q, w = rng.normal(size=4), scale * rng.normal(size=3)
+        q /= np.linalg.norm(q)
+        expected = q.copy()
+        mujoco.mju_quatIntegrate(expected, w, 0.002)
+        turn_attitude_inplace(q, w, 0.002, turned)
+        assert turned == pytest.approx(expected, rel=0.0, abs=1e-15)
