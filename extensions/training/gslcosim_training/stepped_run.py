@@ -1,6 +1,5 @@
 """Stepped run of a scenario as a task for learning: its agents are commanded by the caller."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from typing_extensions import override
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import AgentScore, BodyPoses, Message, Observation, Score
 from gslcosim.environment.positions import draw_positions
 from gslcosim.scenario import Scenario, load_scenario
@@ -99,7 +99,7 @@ class SteppedRun(Simulation):
     def scale(self, discount: float) -> TaskScale:
         """Return the scales of distance and time in this run, for rewards with a discount."""
         grid, limit = self.environment.grid, self.scenario.referee.stop.time_limit_s
-        diagonal_m = math.dist(grid.origin_m, grid.max_m)
+        diagonal_m = distance(grid.origin_m, grid.max_m)
         return TaskScale(diagonal_m=diagonal_m, time_limit_s=limit, discount=discount)
 
     def path_lengths(self, action: str) -> dict[str, PathLengths]:
@@ -146,5 +146,5 @@ class SteppedRun(Simulation):
 
 
 def _before_the_first(agent: AgentSpec, scenario: Scenario) -> AgentScore:
-    distances_m = (math.dist(agent.vehicle.start_m, source.position_m) for source in scenario.gas.sources)
+    distances_m = (distance(agent.vehicle.start_m, source.position_m) for source in scenario.gas.sources)
     return AgentScore(agent=agent.name, distance_to_source_m=min(distances_m), path_length_m=0.0, n_commands=0)

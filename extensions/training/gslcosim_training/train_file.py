@@ -84,7 +84,7 @@ class TrainSpec(Spec):
 
     After each `validate_every` rounds, and at the end, the policy flies the cases of validation; the best is kept.
     After each `checkpoint_every` a checkpoint is written. `doping: false` lets all cases come equally often whatever
-    the family says. `flying: first_order` trains with rotorcraft that fly as `BatchSearchEnv` says.
+    the family says. `flying` with another value trains with rotorcraft that fly as `BatchSearchEnv` says.
     """
 
     schema_: Literal["gslcosim/train/1"] = Field(alias="schema")
@@ -97,7 +97,7 @@ class TrainSpec(Spec):
     validate_every: _Count = 10
     checkpoint_every: _Count = 10
     doping: bool = True
-    flying: Literal["exact", "first_order"] = "exact"
+    flying: Literal["exact", "first_order", "rigid_body"] = "exact"
 
     @property
     def observations(self) -> tuple[str, ...]:

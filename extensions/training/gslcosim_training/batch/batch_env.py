@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
-from gslcosim.base.ticks import NS_PER_S
+from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim_formats.gaussian_plume import FormulaGasSpec
 from gslcosim_search.learned.encoding import (
@@ -75,7 +76,7 @@ class BatchActions:
         self.tasks = np.full(shape[0], CRUISE if self._cruises else GO_TO, np.int64)
         self.vectors = np.zeros((shape[0], 3))
         rad = [2 * math.pi * choice / N_HEADINGS for choice in range(N_HEADINGS + 1)]
-        self._legs = np.array([[math.cos(heading_rad), math.sin(heading_rad)] for heading_rad in rad])
+        self._legs = np.array([[elementary.cos(heading_rad), elementary.sin(heading_rad)] for heading_rad in rad])
 
     def take(
         self,
@@ -197,8 +198,9 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         has_wind_frame: Whether observations have the numbers of `wind_frame` too.
         shield_m: The distance that velocities keep from what range finders see [m]; absent: no shield.
         autoreset_mode: `next_step` or `same_step`.
-        flying: `exact` takes point robots alone; `first_order` takes rotorcraft too, which then fly as point masses
-            whose force lags what their control wants. Their searches are near to single flights, not equal.
+        flying: `exact` takes point robots alone; the others take rotorcraft too. With `rigid_body` they have attitude,
+            rotors and control of a single flight, and are where it is but for rounding; with `first_order` they fly as
+            point masses whose force lags what their control wants, and are near it.
         n_threads: How many threads fly; absent: as many as there are processors. Results do not depend on it.
         report: Receives how many of how many cases are prepared.
 
@@ -238,7 +240,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
         if flying not in FLYING:
-            raise UsageError(f"flying: expected {' or '.join(FLYING)}, was {flying!r}.")
+            raise UsageError(f"flying: expected one of {', '.join(FLYING)}, was {flying!r}.")
         self._loaded = tuple(cases)
         self._prepared = prepare_cases(self._loaded, hold_s, flying, report, action)
         self._reward, self._discount = reward, discount
@@ -373,6 +375,15 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         return replace(loaded, scenario=loaded.scenario.model_copy(update=update))
 
     @property
+    def body_states(self) -> NDArray[np.float64]:
+        """True states of the vehicles now, (n_envs, 13), as `truth/bodies` has them.
+
+        They are position xyz [m] and quaternion wxyz, velocity xyz [m/s], world frame, and rates [rad/s], body frame.
+        """
+        names = ("position_m", "quaternion_wxyz", "velocity_m_s", "rates_rad_s")
+        return np.concatenate([self._searches.searches[name] for name in names], axis=1)
+
+    @property
     def diagonals_m(self) -> NDArray[np.float64]:
         """The diagonals of the cases' rooms [m]."""
         return self._prepared.cases.cases["diagonal_m"].copy()
@@ -437,24 +448,22 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def _finish(self, i: int) -> None:
         search, path = self._searches.searches[i], self._searches.paths[i : i + 1]
         while search["touched_at"] >= 0:
-            i_case = int(search["case"])
-            scene, tick_s = self._prepared.scenes[i_case], float(self._prepared.cases.cases["tick_s"][i_case])
-            touched = scene.fly(
-                int(search["touched_at"]), int(search["tick"]), tick_s, path, search["position_m"],
-                search["velocity_m_s"], search["acceleration_m_s2"],
-            )  # fmt: skip
+            i_case, tick = int(search["case"]), int(search["tick"])
+            scene, case = self._prepared.scenes[i_case], self._prepared.cases.cases[i_case]
+            begin_s = float(case["warm_up_s"]) + seconds_from_ticks(tick - 1, int(case["tick_ns"]))
+            touched = scene.fly(int(search["touched_at"]), tick, float(case["tick_s"]), begin_s, path, search)
             search["position_m"], search["velocity_m_s"] = touched.pose[:3], touched.motion[:3]
+            search["quaternion_wxyz"], search["rates_rad_s"] = touched.pose[3:], touched.motion[3:]
             w, x, y, z = touched.pose[3:].tolist()
             yaw_rad = yaw_from_quaternion((w, x, y, z))
-            search["yaw_sin"], search["yaw_cos"] = math.sin(yaw_rad), math.cos(yaw_rad)
+            search["yaw_sin"], search["yaw_cos"] = elementary.sin(yaw_rad), elementary.cos(yaw_rad)
             rotation = world_from_body_rotation((w, x, y, z))
             mounts_m = self._prepared.cases.places_m[i_case]
             self._touch.is_touched[0], self._touch.rotation[:] = touched.is_touched, rotation.ravel()
             swings_m_s = _turned_by(touched.motion[3:], mounts_m)
-            # One by one, as single runs do: a product of matrices rounds otherwise.
             for k in range(len(mounts_m)):
-                self._touch.places_m[k] = search["position_m"] + rotation @ mounts_m[k]
-                self._touch.velocity_m_s[k] = search["velocity_m_s"] + rotation @ swings_m_s[k]
+                self._touch.places_m[k] = search["position_m"] + elementary.product(rotation, mounts_m[k])
+                self._touch.velocity_m_s[k] = search["velocity_m_s"] + elementary.product(rotation, swings_m_s[k])
             self._fly_part(np.array([i]), batch_records.FINISH, self._work[0])
 
     # What the case of each search says.

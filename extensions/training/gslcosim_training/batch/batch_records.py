@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.vehicles.catalogue import MAX_ROTORS
+
 # Where arrays of different shapes are given by their address, the Python side keeps them alive.
 ROOM = np.dtype(
     [
@@ -39,6 +41,14 @@ STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES, FRAMES = range(4)
 # What the referee asks for.
 NEAREST_SOURCE, ALL_SOURCES = 0, 1
 
+# How a vehicle flies: as a mass that its force moves, as one whose force lags, or with attitude and rotors.
+POINT, LAGGED, RIGID_BODY = range(3)
+# Numbers of a row of `Cases.start_rows`: place, velocity, whether something forbidden and whether anything is touched;
+# and of a rigid body its quaternion, its rates, its rotors' speeds, and what its control has learned of steady forces.
+START_TOUCHES, START_QUATERNION, START_RATES, START_ROTORS = 6, 8, 12, 15
+START_INTEGRAL = START_ROTORS + MAX_ROTORS
+N_START_NUMBERS = START_INTEGRAL + 3
+
 CASE = np.dtype(
     [
         ("room", np.int64),
@@ -47,11 +57,12 @@ CASE = np.dtype(
         ("n_substeps", np.int64),
         ("physics_step_s", np.float64),
         ("radius_m", np.float64),
-        ("is_lagged", np.int64),  # whether it flies as `point_mass` say, for which the next five are
+        ("dynamics", np.int64),  # POINT, or LAGGED, for which the next four are, or RIGID_BODY
         ("half_height_m", np.float64),
         ("tilt_share", np.float64),  # of what is wanted sideways and upwards, given in a physics step
         ("lift_share", np.float64),
         ("rotor_speeds_rad_s", np.float64),  # sum of all in hover
+        ("hull_half_m", np.float64, (3,)),  # of a rigid body: half sizes of a box around its parts, body frame
         ("max_speed_m_s", np.float64),
         ("max_acceleration_m_s2", np.float64),
         ("start_m", np.float64, (3,)),  # where the vehicle rests at tick 0
@@ -221,8 +232,10 @@ SEARCH = np.dtype(
         ("seed", np.int64),
         ("n_begun", np.int64),
         ("tick", np.int64),
-        ("position_m", np.float64, (3,)),
-        ("velocity_m_s", np.float64, (3,)),
+        ("position_m", np.float64, (3,)),  # world frame; with its attitude a pose of seven numbers
+        ("quaternion_wxyz", np.float64, (4,)),
+        ("velocity_m_s", np.float64, (3,)),  # world frame; with its rates in the body frame a motion of six
+        ("rates_rad_s", np.float64, (3,)),
         ("acceleration_m_s2", np.float64, (3,)),  # in the last physics step
         ("force_m_s2", np.float64, (3,)),  # per mass, of one whose force lags
         ("yaw_sin", np.float64),
@@ -304,6 +317,7 @@ WORK = np.dtype(
         ("wind_m_s", np.int64),
         ("ppm", np.int64),  # address of (n_places, MOST_GASES) float64
         ("rotation", np.float64, (9,)),  # of the vehicle
+        ("force", np.float64, (6,)),  # on a rigid body: force, world frame [N], and torque, body frame [N m]
         ("sample", np.float64, (SAMPLE_LENGTH,)),
         ("raw", np.float64, (MOST_VALUES,)),
         ("numbers", np.float64, (MOST_NUMBERS,)),
@@ -322,9 +336,9 @@ class Cases(NamedTuple):
 
     `frame_of_update` says which frame holds from each of a case's updates on, -1 for none; `strengths`
     [ppm m3] and `gas_of_source` (n,) of the sources of filaments; `instruments` (n_cases, n_sensors) records of
-    `INSTRUMENT`; `names` bytes of their random streams; `start_rows` (n, 8) place, velocity, whether
-    something forbidden and whether anything touches it at the end of each tick in which a vehicle leaves what it stands
-    on; `sources_m` (n, 3); `places_m` (n_cases, n_places, 3) of the sensors in the body frame [m].
+    `INSTRUMENT`; `names` bytes of their random streams; `start_rows` (n, N_START_NUMBERS) a vehicle's state at the end
+    of each tick in which it leaves what it stands on; `sources_m` (n, 3); `places_m` (n_cases, n_places, 3) of the
+    sensors in the body frame [m].
     """
 
     rooms: Any

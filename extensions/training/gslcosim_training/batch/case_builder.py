@@ -1,6 +1,5 @@
 """Builder of cases: from scenarios to the records of the kernels; refuses what cannot be batched."""
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base import elementary
 from gslcosim.base.errors import UsageError
+from gslcosim.base.scalar_kernels import distance, norm3
 from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Briefing
@@ -43,9 +44,10 @@ from gslcosim_training.batch.contact_scene import ContactScene
 from gslcosim_training.path_lengths import PathLengths
 from gslcosim_training.stepped_run import get_environment_key
 
-# How vehicles fly: point robots alone, to the bit of a single flight; or rotorcraft too, as point masses.
-EXACT, FIRST_ORDER = "exact", "first_order"
-FLYING = (EXACT, FIRST_ORDER)
+# How vehicles fly: point robots alone, to the bit of a single flight; or rotorcraft too, as point masses, or as rigid
+# bodies with rotors, which are those of a single flight but for rounding.
+EXACT, FIRST_ORDER, RIGID = "exact", "first_order", "rigid_body"
+FLYING = (EXACT, FIRST_ORDER, RIGID)
 # Their streams' names are equally long.
 _MOST_MEANDERING = 10
 # A vehicle has left what it stands on when it is so far from everything [m].
@@ -96,7 +98,7 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
     agent, vehicle = scenario.agents[0], scenario.agents[0].vehicle
     kind = vehicle.facts.kind
     if kind != "holonomic" and flying == EXACT:
-        also = f", or flying {FIRST_ORDER}" if kind == "multirotor" else ""
+        also = f", or flying {FIRST_ORDER} or {RIGID}" if kind == "multirotor" else ""
         yield "agents[0].vehicle.model", f"holonomic in a batch{also}", vehicle.model
     if kind not in ("holonomic", "multirotor"):
         yield "agents[0].vehicle.model", "holonomic or a rotorcraft in a batch", vehicle.model
@@ -206,17 +208,26 @@ class _Preparing:
         spec, model, stop = agent.vehicle, get_vehicle(agent.vehicle.model), scenario.referee.stop
         tick_ns = scenario.tick_ns
         step_ms = physics_step_ms([model], scenario.tick_ms)
-        case["room"] = self.rooms.number_of(scenario, environment, model.body.radius_m)
         case["tick_ns"], case["tick_s"] = tick_ns, tick_ns / NS_PER_S
         case["n_substeps"], case["physics_step_s"] = scenario.tick_ms // step_ms, step_ms * 1e-3
         case["radius_m"], case["half_height_m"] = model.body.radius_m, model.body.half_height_m
         scene = self._scene(environment, model, scenario.tick_ms, step_ms)
         vehicle = scene.constants
-        if model.rotors is not None:
+        reach_m = model.body.radius_m
+        if model.rotors is not None and self._flying == RIGID:
+            if not scene.has_plain_body:
+                raise UsageError(
+                    f"{scenario.name}: agents[0].vehicle.model: expected one body with its centre of mass at its "
+                    f"origin, flying {RIGID}, was {model.name}. Fly it {FIRST_ORDER}, or alone in gslcosim/Search-v0."
+                )
+            case["dynamics"], case["hull_half_m"] = batch_records.RIGID_BODY, scene.hull_half_m
+            reach_m = max(reach_m, norm3(*scene.hull_half_m))
+        elif model.rotors is not None:
             _fill_lags(case, model, vehicle, scenario.tick_ms)
+        case["room"] = self.rooms.number_of(scenario, environment, reach_m)
         limits = derive_capabilities(spec, model, vehicle, model.body.half_height_m).limits
         case["max_speed_m_s"], case["max_acceleration_m_s2"] = limits.max_speed_m_s, limits.max_acceleration_m_s2
-        rows = self._start_rows(case, scenario, environment, model.body.radius_m)
+        rows = self._start_rows(case, scenario, environment, reach_m)
         case["start_m"] = rows[0, :3]
         case["search_height_m"] = spec.search_height_m
         case["usual_hold_ticks"] = ticks_from_seconds(spec.hold_s, tick_ns)
@@ -229,7 +240,7 @@ class _Preparing:
         low, high = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
         case["centre_m"], case["half_m"] = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
         case["least_m"], case["most_m"] = low + MARGIN_M, np.maximum(high - MARGIN_M, low + MARGIN_M)
-        case["diagonal_m"] = math.dist(environment.grid.origin_m, environment.grid.max_m)
+        case["diagonal_m"] = distance(environment.grid.origin_m, environment.grid.max_m)
         self.cases.append(case)
         self.vehicles.append(vehicle)
 
@@ -241,7 +252,7 @@ class _Preparing:
         case["criterion"] = batch_records.ALL_SOURCES if is_all else batch_records.NEAREST_SOURCE
         case["within_m"], case["is_horizontal"] = success.within_m, success.is_horizontal
         case["first_place_m"] = start_m
-        case["first_distance_m"] = min(math.dist(start_m, place_m) for place_m in places_m)
+        case["first_distance_m"] = min(distance(start_m, place_m) for place_m in places_m)
 
     # Rooms of a kind have one scene.
     def _scene(self, environment: Environment, model: Vehicle, tick_ms: int, step_ms: int) -> ContactScene:
@@ -253,12 +264,12 @@ class _Preparing:
 
     # A ball on the floor is lifted with contact forces: as MuJoCo has it, once for all cases that start there.
     def _start_rows(
-        self, case: Any, scenario: Scenario, environment: Environment, radius_m: float
+        self, case: Any, scenario: Scenario, environment: Environment, reach_m: float
     ) -> NDArray[np.float64]:
         vehicle = scenario.agents[0].vehicle.model_dump(mode="json")
-        key = (environment.content_hash, scenario.tick_ns, repr(vehicle))
+        key = (environment.content_hash, scenario.tick_ns, scenario.gas.warm_up_s, repr(vehicle))
         if key not in self._starts:
-            rows = _first_rows(WorldCore(scenario, environment), environment, radius_m)
+            rows = _first_rows(WorldCore(scenario, environment), environment, reach_m)
             self._starts[key] = (self.n_start_rows, rows)
             self.n_start_rows += len(rows)
             self.start_rows.append(rows)
@@ -336,19 +347,19 @@ def lags_s(vehicle: Vehicle) -> tuple[float, float]:
     return control.rate_gain_s[0] / control.attitude_gain_s2[0] + rotors_s, rotors_s
 
 
-# How a rotorcraft flies in a case, see `point_mass`.
+# How a rotorcraft flies in a case, see `autopilot.fly_lagged_tick`.
 def _fill_lags(case: Any, vehicle: Vehicle, constants: Any, tick_ms: int) -> None:
     # As long as point robots' steps, or whole ticks where those are no whole number of them.
     n_substeps = max(1, round(tick_ms / POINT_ROBOT_STEP_MS))
     step_s = tick_ms * 1e-3 / n_substeps
     tilt_s, lift_s = lags_s(vehicle)
-    case["is_lagged"], case["n_substeps"], case["physics_step_s"] = 1, n_substeps, step_s
-    case["tilt_share"], case["lift_share"] = -math.expm1(-step_s / tilt_s), -math.expm1(-step_s / lift_s)
+    case["dynamics"], case["n_substeps"], case["physics_step_s"] = batch_records.LAGGED, n_substeps, step_s
+    case["tilt_share"], case["lift_share"] = -elementary.expm1(-step_s / tilt_s), -elementary.expm1(-step_s / lift_s)
     case["rotor_speeds_rad_s"] = int(constants["n_rotors"]) * hover_rotor_speed_rad_s(constants)
 
 
-# Place, velocity and whether something forbidden is touched at the end of each tick, until the vehicle is clear.
-def _first_rows(core: WorldCore, environment: Environment, radius_m: float) -> NDArray[np.float64]:
+# The state of a vehicle at the end of each tick, see `batch_records.N_START_NUMBERS`, until it is clear.
+def _first_rows(core: WorldCore, environment: Environment, reach_m: float) -> NDArray[np.float64]:
     floors = {box.name for box in environment.boxes if box.kind == "floor"} | {"floor"}
     boxes_m = np.array([(*box.min_m, *box.max_m) for box in environment.boxes], np.float64).reshape(-1, 6)
     core.reset(Episode(seed=0))
@@ -359,11 +370,15 @@ def _first_rows(core: WorldCore, environment: Environment, radius_m: float) -> N
         body = poses.bodies[0]
         is_touching = any(name not in floors for name in body.contacts)
         touches = (float(is_touching), float(bool(body.contacts)))
-        rows.append((*body.position_world_m, *body.velocity_world_m_s, *touches))
+        state = core.states[0]
+        rows.append(
+            (*body.position_world_m, *body.velocity_world_m_s, *touches, *body.quaternion_wxyz,
+             *body.angular_velocity_body_rad_s, *state["rotor_speed_rad_s"], *state["integral_m_s2"])
+        )  # fmt: skip
         place_m = np.array(body.position_world_m)
         gaps_m = np.linalg.norm(np.maximum(np.maximum(boxes_m[:, :3] - place_m, place_m - boxes_m[:, 3:]), 0.0), axis=1)
-        is_clear = place_m[2] > environment.grid.origin_m[2] + radius_m + _CLEAR_M
-        if is_clear and (not len(gaps_m) or gaps_m.min() > radius_m + _CLEAR_M):
+        is_clear = place_m[2] > environment.grid.origin_m[2] + reach_m + _CLEAR_M
+        if is_clear and (not len(gaps_m) or gaps_m.min() > reach_m + _CLEAR_M):
             return np.array(rows)
         if body.phase not in ("on_ground", "taking_off"):
             return np.array(rows)

@@ -4,21 +4,25 @@
 """Scene of one vehicle for the rest of a tick in which it touches something, and the step of a point mass."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Environment
+from gslcosim.base import elementary
+from gslcosim.base.errors import ModelError
+from gslcosim.base.quantities import Vec3
+from gslcosim.environment.model import Environment, freeze_array
 from gslcosim.vehicles import Vehicle
 from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.scene import build_scene
-from gslcosim_services.world.simulation_loop import run_substeps_inplace
+from gslcosim_services.world.simulation_loop import SceneArrays, run_substeps_inplace
+from gslcosim_services.world.trajectory import to_vec3
 
 _VEHICLE_NAME = "vehicle"
 _NO_INERTIAL = np.zeros((1, 0, 9))
-_STILL_AIR = np.zeros((1, 1, 1, 3), np.float32)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -55,11 +59,35 @@ class ContactResult:
     is_touched: bool
 
 
+def find_hull_half_m(model: mujoco.MjModel) -> Vec3:
+    """Return the half sizes of a box around the parts of a scene's one vehicle, body frame, about its centre [m]."""
+    half_m = np.zeros(3)
+    for i in np.flatnonzero(model.geom_bodyid > 0).tolist():
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
+        turned = rotation.reshape(3, 3)
+        centre_m = model.geom_pos[i] + elementary.product(turned, model.geom_aabb[i, :3])
+        half_m = np.maximum(half_m, np.abs(centre_m) + elementary.product(np.abs(turned), model.geom_aabb[i, 3:]))
+    return to_vec3(half_m)
+
+
+def is_plain_body(model: mujoco.MjModel) -> bool:
+    """Return whether a scene's vehicle is one free body that `rigid_body` can advance as MuJoCo would.
+
+    Its centre of mass is its origin, its axes are those of its inertia, and nothing damps or loads its joint.
+    """
+    is_single = model.nbody == 2 and model.nv == 6 and model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    is_centred = not model.body_ipos[-1].any() and np.array_equal(model.body_iquat[-1], (1.0, 0.0, 0.0, 0.0))
+    is_in_vacuum = model.opt.density == 0.0 and model.opt.viscosity == 0.0
+    is_damped = model.dof_damping.any() or model.dof_armature.any() or model.body_gravcomp.any()
+    return bool(is_single and is_centred and is_in_vacuum and not is_damped)
+
+
 class ContactScene:
-    """Scene of one vehicle that does not feel the air, for the rest of a tick in which it touches something.
+    """Scene of one vehicle for the rest of a tick in which it touches something.
 
     Args:
-        environment: The room.
+        environment: The room, with its wind.
         vehicle: The vehicle.
         step_s: Length of a physics step [s].
         n_substeps: Physics steps in a tick.
@@ -71,24 +99,29 @@ class ContactScene:
         self._constants = np.zeros(1, vehicle_records.CONSTANTS)
         vehicle_records.set_constants(self._constants[0], vehicle, self._model, f"{_VEHICLE_NAME}/", step_s)
         self._n_substeps = n_substeps
-        data = self._data
-        self._views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
-        self._addresses = (self._model._address, data._address)
+        self._wind = environment.wind
+        # As the world service has them: one compiled kernel serves both.
+        self._frames_m_s = freeze_array(np.asarray(environment.wind.velocity_m_s).view())
+        self._wind_grid = (np.array(environment.grid.origin_m, np.float64), float(environment.grid.cell_m))
+        self._arrays = SceneArrays.of(self._model, self._data)
 
     @property
     def constants(self) -> NDArray[np.void]:
         """The vehicle's record of `records.CONSTANTS`."""
         return self._constants[0]
 
+    @property
+    def hull_half_m(self) -> Vec3:
+        """Half sizes of a box around the vehicle's parts, body frame, its centre the vehicle's [m]."""
+        return find_hull_half_m(self._model)
+
+    @property
+    def has_plain_body(self) -> bool:
+        """True where the vehicle is one free body; see `is_plain_body`."""
+        return is_plain_body(self._model)
+
     def fly(
-        self,
-        first: int,
-        tick: int,
-        tick_s: float,
-        path: NDArray[np.void],
-        position_m: NDArray[np.float64],
-        velocity_m_s: NDArray[np.float64],
-        acceleration_m_s2: NDArray[np.float64],
+        self, first: int, tick: int, tick_s: float, begin_s: float, path: NDArray[np.void], search: Any
     ) -> ContactResult:
         """Fly on from a physics step of a tick to the tick's end.
 
@@ -96,21 +129,30 @@ class ContactScene:
             first: The physics step, counted in the tick.
             tick: The tick that ends.
             tick_s: Length of a tick [s].
+            begin_s: Time since the sources opened at the tick's beginning [s].
             path: (1,) record of `records.STATE`; advanced.
-            position_m: (3,) where the vehicle is, upright, world frame [m].
-            velocity_m_s: (3,) how it moves without turning, world frame [m/s].
-            acceleration_m_s2: (3,) how it was accelerated in the step before [m/s^2]; MuJoCo begins with that.
+            search: Record of `batch_records.SEARCH`: how the vehicle stands and moves, and its acceleration in the step
+                before, with which MuJoCo begins.
+
+        Raises:
+            ModelError: the state has exploded.
         """
         data = self._data
         mujoco.mj_resetData(self._model, data)
-        data.qpos[:] = (*position_m, 1.0, 0.0, 0.0, 0.0)
-        data.qvel[:] = (*velocity_m_s, 0.0, 0.0, 0.0)
-        data.qacc_warmstart[:] = (*acceleration_m_s2, 0.0, 0.0, 0.0)
+        data.qpos[:] = (*search["position_m"], *search["quaternion_wxyz"])
+        data.qvel[:] = (*search["velocity_m_s"], *search["rates_rad_s"])
+        data.qacc_warmstart[:] = (*search["acceleration_m_s2"], 0.0, 0.0, 0.0)
+        wind_m_s = self._frames_m_s[self._wind.frame_at(begin_s)]
         i_substep, is_touched = first, False
         while i_substep < self._n_substeps:
-            i_substep, _ = run_substeps_inplace(
-                i_substep, self._n_substeps, tick, tick_s, self._constants, path, _NO_INERTIAL, *self._views,
-                _STILL_AIR, np.zeros(3), 1.0, *self._addresses,
+            i_substep, i_unsound = run_substeps_inplace(
+                i_substep, self._n_substeps, tick, tick_s, self._constants, path, _NO_INERTIAL, self._arrays,
+                wind_m_s, *self._wind_grid,
             )  # fmt: skip
+            if i_unsound >= 0:
+                raise ModelError(
+                    f"batch: expected a finite, plausible state of a vehicle at tick {tick}, was position "
+                    f"{to_vec3(data.qpos[:3])} m, velocity {to_vec3(data.qvel[:3])} m/s."
+                )
             is_touched = is_touched or bool(data.ncon)
         return ContactResult(pose=data.qpos.copy(), motion=data.qvel.copy(), is_touched=is_touched)

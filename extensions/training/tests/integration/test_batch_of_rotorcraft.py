@@ -88,10 +88,15 @@ def test_a_rotorcraft_that_flies_against_something_has_collided():
 @pytest.mark.parametrize(
     ("vehicle", "settings", "sentence"),
     [
-        ("iris", {}, "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order, was iris."),
+        (
+            "iris",
+            {},
+            "expected holonomic in a batch, or flying first_order or rigid_body, was iris.",
+        ),
         ("rover", {}, "agents[0].vehicle.model: expected holonomic in a batch, was rover."),
         ("rover", {"flying": "first_order"}, "expected holonomic or a rotorcraft in a batch, was rover."),
-        ("iris", {"flying": "fast"}, "flying: expected exact or first_order, was 'fast'."),
+        ("rover", {"flying": "rigid_body"}, "expected holonomic or a rotorcraft in a batch, was rover."),
+        ("iris", {"flying": "fast"}, "flying: expected one of exact, first_order, rigid_body, was 'fast'."),
     ],
 )
 def test_how_vehicles_fly_is_chosen_or_refused_in_one_sentence(vehicle, settings, sentence):
