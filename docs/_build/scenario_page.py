@@ -180,9 +180,11 @@ def _text_of_section(section: BlockSection) -> str:
     return "\n".join([f"## {section.path or 'The whole file'}\n", *_prose(section), *lines, ""])
 
 
+# One or two blocks describe their kinds; where there are more, other pages do.
 def _prose(section: BlockSection) -> Iterator[str]:
-    if len({*section.kinds.values()}) == 1:
-        yield f"{inspect.cleandoc(next(iter(section.kinds.values())).__doc__ or '')}\n"
+    blocks = dict.fromkeys(section.kinds.values())
+    if len(blocks) == 1 or (len(blocks) == 2 and len(section.kinds) > 2):
+        yield from (f"{inspect.cleandoc(block.__doc__ or '')}\n" for block in blocks)
     if section.path in _PAGES:
         yield f"Guide: [{_PAGES[section.path]}]({_PAGES[section.path]}).\n"
 

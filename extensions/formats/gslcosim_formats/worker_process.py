@@ -82,11 +82,13 @@ class WorkerProcess:
         return "\n".join(line[:_LOG_LINE_LENGTH] for line in lines[-_LOG_LINES:]).strip()
 
     def describe_end(self) -> str:
-        """Return in words how it has ended, or that it has closed its connection."""
+        """Return in words how it has ended, or that it has closed its connection; its last output is read by then."""
         try:
-            return describe_exit(self._process.wait(timeout=_EXIT_WAIT_S))
+            ended = describe_exit(self._process.wait(timeout=_EXIT_WAIT_S))
         except subprocess.TimeoutExpired:
             return "closed its connection"
+        self._listener.join(timeout=_LOG_WAIT_S)
+        return ended
 
     def close(self) -> None:
         """Kill it with all that it has started."""

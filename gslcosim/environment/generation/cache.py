@@ -29,6 +29,11 @@ from gslcosim.scenario.models.wind import SOLVING, WindSpec
 if TYPE_CHECKING:
     from gslcosim.environment.generation.wind import Progress
 
+# Changes of a scenario in a small room, whose winds need all kernels of the solver.
+SHORT_SOLVES = tuple(
+    ("wind.solver=built_in", "wind.end_time_s=0.3", f"wind.{choice}")
+    for choice in ("keep_turbulence=true", "turbulence=rng_k_epsilon", "turbulence=smagorinsky")
+)
 # Keys that have no effect on a wind that is not solved.
 _OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
 _BLOCK = 1 << 20
