@@ -31,6 +31,7 @@ KINDS = {
     "plume": ((*COMMON, POINT_ROBOT, PLUME), "exact"),
     "filaments": ((*COMMON, POINT_ROBOT, TAPE), "exact"),
     "plume, quadrotor": ((*COMMON, QUADROTOR, PLUME), "first_order"),
+    "plume, rigid quadrotor": ((*COMMON, QUADROTOR, PLUME), "rigid_body"),
 }
 
 

@@ -1,11 +1,14 @@
 """Print the table of speed beside its goals: each figure is a ratio of two things measured in turns in this run.
 
     make bench-table
-    python tests/benchmarks/speed_table.py --n 3 --json
+    make bench-nightly
+    python tests/benchmarks/speed_table.py --all --n 3 --json
     python tests/benchmarks/speed_table.py --only "grouped" "bare hop"
 
 What other programs took of the processors is printed beside each row. Rows "of BASE" fly the commit `--base`, which is
-0.1.0 unless told otherwise. A row that this machine cannot measure says what it lacks.
+0.1.0 unless told otherwise. A row that this machine cannot measure says what it lacks. Without `--all` there are the
+rows that matter most, in a few minutes; `--save` appends the medians to speed_history.jsonl, and `--compare` fails
+where one is worse than in the last entries there.
 """
 
 import argparse
@@ -23,6 +26,7 @@ from pathlib import Path
 
 import bench_against as against
 import bench_peers as peers
+import speed_history as history
 import yaml
 
 FOLDER = Path(__file__).resolve().parent
@@ -269,19 +273,26 @@ class Row:
     bound: str = "at least"
     measure: Callable[[Bench], float | str]
     is_once: bool = False
+    is_short: bool = True
 
 
 ROWS = (
     Row(title="separate / one process, speed", goal=1.0, measure=separate_over_one),
-    Row(title="grouped / the better of separate and one, speed", goal=1.0, measure=grouped_over_better),
+    Row(title="grouped / the better of separate and one, speed", goal=1.0, measure=grouped_over_better, is_short=False),
     Row(title="closed loop / HELICS ipc, ticks/s", goal=1.0, measure=ring("closed")),
-    Row(title="open loop / HELICS ipc, ticks/s", goal=4.0, measure=ring("open")),
+    Row(title="open loop / HELICS ipc, ticks/s", goal=4.0, measure=ring("open"), is_short=False),
     Row(title="bare hop between two services / unix datagram", goal=3.0, bound="at most", measure=bare_hop),
     Row(title="recorder in flight, 1 agent [% CPU]", goal=5.0, bound="at most", measure=recorder_share(1)),
-    Row(title="recorder in flight, 30 agents [% CPU]", goal=10.0, bound="at most", measure=recorder_share(30)),
+    Row(
+        title="recorder in flight, 30 agents [% CPU]",
+        goal=10.0,
+        bound="at most",
+        measure=recorder_share(30),
+        is_short=False,
+    ),
     Row(title="first tick in one process, with / without recorder", goal=1.1, bound="at most", measure=first_tick),
     Row(title="CPU at 30 agents / at 1", goal=6.0, bound="at most", measure=thirty_over_one),
-    Row(title="lockstep agent over processes, speed, of BASE", goal=2.0, measure=lockstep),
+    Row(title="lockstep agent over processes, speed, of BASE", goal=2.0, measure=lockstep, is_short=False),
     Row(title="one process, tape, recorder off, CPU, of BASE", goal=0.45, bound="at most", measure=tape),
     Row(title="memory of all processes [MB]", goal=400.0, bound="at most", measure=memory_mb),
     Row(
@@ -290,10 +301,25 @@ ROWS = (
         bound="at most",
         measure=imported_wind,
         is_once=True,
+        is_short=False,
     ),
     Row(title="fields' share of a flight [%]", goal=25.0, bound="at most", measure=fields_share),
-    Row(title="report at 100,000 rows, CPU [s]", goal=30.0, bound="at most", measure=report(0), is_once=True),
-    Row(title="report at 100,000 rows, peak memory [GB]", goal=1.0, bound="at most", measure=report(1), is_once=True),
+    Row(
+        title="report at 100,000 rows, CPU [s]",
+        goal=30.0,
+        bound="at most",
+        measure=report(0),
+        is_once=True,
+        is_short=False,
+    ),
+    Row(
+        title="report at 100,000 rows, peak memory [GB]",
+        goal=1.0,
+        bound="at most",
+        measure=report(1),
+        is_once=True,
+        is_short=False,
+    ),
 )
 
 
@@ -340,10 +366,14 @@ def main() -> None:
     parser.add_argument("--base", default="9693e5e", help="the commit of rows of BASE (default: 0.1.0)")
     parser.add_argument("--only", nargs="+", default=[], metavar="TEXT", help="rows whose title contains a text")
     parser.add_argument("--peers-python", type=Path, default=peers.PEERS_PYTHON, help="the Python that has HELICS")
+    parser.add_argument("--all", action="store_true", help="all rows, also those that take long")
+    parser.add_argument("--save", action="store_true", help="append the medians to speed_history.jsonl")
+    parser.add_argument("--compare", action="store_true", help="fail where a median is worse than in the last entries")
     parser.add_argument("--json", action="store_true", help="print all rounds as JSON")
     options = parser.parse_args()
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    rows = [row for row in ROWS if not options.only or any(text in row.title for text in options.only)]
+    rows = [row for row in ROWS if options.all or options.only or row.is_short]
+    rows = [row for row in rows if not options.only or any(text in row.title for text in options.only)]
     results = []
     with ExitStack() as stack:
         runs_dir = stack.enter_context(tempfile.TemporaryDirectory())
@@ -360,6 +390,14 @@ def main() -> None:
                 print(results[-1].line(), flush=True)  # noqa: T201
     if options.json:
         print(json.dumps([result.as_json() for result in results], indent=2))  # noqa: T201
+    medians = {result.row.title: statistics.median(result.rounds) for result in results if result.rounds}
+    worse = history.find_regressions(medians, {row.title: row.bound for row in rows}, history.load_entries())
+    if options.save:
+        load = max(result.foreign_cores for result in results)
+        commit, processor = history.find_commit(), platform.processor() or platform.machine()
+        history.save_entry(history.Entry(commit=commit, processor=processor, foreign_cores=load, medians=medians))
+    if options.compare and worse:
+        sys.exit("\n".join(worse))
 
 
 if __name__ == "__main__":
