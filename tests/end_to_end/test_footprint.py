@@ -14,7 +14,7 @@ MOST_THREADS, MOST_FILES = 40, 48
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="only Linux tells")
 def test_threads_and_descriptors_of_each_process_are_bounded(tmp_path):
-    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("holding"), is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("holding"), is_recorded=True, is_fresh=True)
     flight.child("gslcosim_services recorder")
     flight.wait_until_flying()
     found = {}

@@ -21,6 +21,8 @@ from gslcosim.cli.run_views import record_runs
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 PAGE = ROOT / "docs" / "fork.md"
+# Python waits at its end for the threads of a session that was not closed: an agent that has crashed is silent.
+QUICK_TO_FAIL = ("--set", "agents[0].answer_within_s=10")
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +116,7 @@ def test_another_seed_is_reported_and_named(past, tmp_path):
 
 def test_an_agent_that_crashes_in_the_past_fails_at_the_fork(past, tmp_path):
     start_block = f"{{command: [{sys.executable}, {AGENTS / 'crashing.py'}]}}"
-    fork = forked(past.run_dir, tmp_path, 5, "--agent", start_block, in_process=False)
+    fork = forked(past.run_dir, tmp_path, 5, "--agent", start_block, *QUICK_TO_FAIL, in_process=False)
     assert fork.exit_code == 1
     assert fork.result["end_reason"] == "agent_failed"
     assert fork.result["sim_time_s"] >= 5
@@ -177,7 +179,7 @@ def test_a_run_that_is_not_whole_is_refused(past, tmp_path, change):
 
 
 def test_a_failed_agent_is_replaced_before_it_failed_only(tmp_path):
-    past = fly(TINY_ROOM, tmp_path / "past", *with_agent("crashing"), "--set", "agents[0].answer_within_s=10")
+    past = fly(TINY_ROOM, tmp_path / "past", *with_agent("crashing"), *QUICK_TO_FAIL)
     failed_s = past.result["sim_time_s"]
     late = forked(past.run_dir, tmp_path / "late", failed_s, "--agent", "infotaxis")
     commands = [json.loads(line) for line in (past.run_dir / "inputs.log").read_text().splitlines()]

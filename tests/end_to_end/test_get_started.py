@@ -1,14 +1,11 @@
 """docs/get-started.md is true: a newcomer who types its commands in an empty folder gets what it says."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from deadlines import PROCESS_S
+from page_commands import type_block
 
 PAGE = Path(__file__).parents[2] / "docs" / "get-started.md"
 BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
@@ -19,13 +16,9 @@ BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
 @pytest.mark.slow
 def test_the_page_leads_to_a_comparison(tmp_path):
     (tmp_path / "my_study.yaml").write_text(SUITE)
-    paths = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     assert BLOCKS[0].startswith("pip install")
     for block in BLOCKS[1:]:
-        ended = subprocess.run(
-            ["sh", "-e", "-c", block], cwd=tmp_path, env={**os.environ, "PATH": paths}, capture_output=True, text=True,
-            timeout=PROCESS_S, check=False,
-        )  # fmt: skip
+        ended = type_block(block, tmp_path)
         assert ended.returncode == 0, f"{block}\n{ended.stdout}\n{ended.stderr}"
     assert {"track.pdf", "gas.pdf"} <= {path.name for path in (tmp_path / "figures").iterdir()}
     entries = pq.read_table(tmp_path / "results" / "my_study" / "trials.parquet").column("entry").to_pylist()

@@ -1,14 +1,11 @@
 """The pages of docs/agents are followed literally: programs saved as they stand, commands run as they stand."""
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
 from languages import stub_of
+from page_commands import type_block
 from real_runs import ROOT
 
 # What takes longer, for building and fetching packages, is for `make soak`.
@@ -39,17 +36,7 @@ def test_a_page_followed_literally_ends_in_a_running_agent(tmp_path, language):
     for name, program in SAVED.findall(page):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(program)
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    script = "set -euxo pipefail\n" + "\n".join(commands_of(page))
-    followed = subprocess.run(
-        ["bash", "-c", script],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=BUILD_S,
-        check=False,
-    )
+    followed = type_block("".join(commands_of(page)), tmp_path, limit_s=BUILD_S)
     assert followed.returncode == 0, followed.stdout + followed.stderr
     assert followed.stdout.count("The source was found") == page.count("gslcosim up ")
 

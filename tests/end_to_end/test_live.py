@@ -89,7 +89,7 @@ def alone(tmp_path_factory):
 
 
 def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path, alone):
-    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True, is_fresh=True)
     said = Said(flight)
     page, query = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)\?url=(\S+)").groups()
     said.until("stays open until Ctrl-C")
@@ -177,7 +177,7 @@ def _told(*words):
 
 
 def test_ctrl_c_in_a_run_ends_run_and_viewer(tmp_path):
-    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True, is_fresh=True)
     said = Said(flight)
     said.until("Watch it at")
     flight.process.send_signal(signal.SIGINT)
@@ -186,7 +186,7 @@ def test_ctrl_c_in_a_run_ends_run_and_viewer(tmp_path):
 
 
 def test_a_viewer_that_is_killed_changes_nothing(tmp_path, alone):
-    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True, is_fresh=True)
     said = Said(flight)
     said.until("Watch it at")
     os.kill(viewer_of(flight), signal.SIGKILL)
@@ -197,7 +197,7 @@ def test_a_viewer_that_is_killed_changes_nothing(tmp_path, alone):
 
 
 def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
-    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True, is_fresh=True)
     Said(flight).until("Watch it at")
     viewer = viewer_of(flight)
     flight.process.kill()
@@ -209,7 +209,7 @@ def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
 def test_two_runs_are_served_at_once(tmp_path):
     pages = set()
     words = ("--serve", "--in-process", *A_MINUTE)
-    flights = [start(TINY_ROOM, tmp_path / f"{i}", *words, is_recorded=True) for i in range(2)]
+    flights = [start(TINY_ROOM, tmp_path / f"{i}", *words, is_recorded=True, is_fresh=True) for i in range(2)]
     for flight in flights:
         said = Said(flight)
         pages.add(said.until(r"Watch it at (\S+)")[1])

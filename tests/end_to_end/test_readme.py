@@ -1,6 +1,5 @@
 """README.md and docs/commands.md are true: commands and agent run as they stand, in an empty folder."""
 
-import os
 import re
 import subprocess
 import sys
@@ -8,16 +7,13 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
+from page_commands import type_line
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 COMMANDS = (ROOT / "docs" / "commands.md").read_text()
 # What a reader has already when the page says so: two runs of one seed, the newest of them, and a scenario.
-GIVEN = {
-    "RUN_A": "$(ls -d runs/* | tail -n 2 | head -n 1)",
-    "RUN_B": "$(ls -d runs/* | tail -n 1)",
-    "RUN": "$(ls -d runs/* | tail -n 1)",
-}
+GIVEN = {"RUN_A": -2, "RUN_B": -1, "RUN": -1}
 
 
 def section(title, page=README):
@@ -33,13 +29,11 @@ def commands_of(title):
 
 
 def run(line, folder):
-    for word, value in GIVEN.items():
-        line = re.sub(rf"\b{word}\b", value, line)
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    return subprocess.run(
-        ["bash", "-e", "-c", line], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True,
-        timeout=PROCESS_S, check=False,
-    )  # fmt: skip
+    runs = sorted((folder / "runs").glob("*"))
+    for word, i in GIVEN.items():
+        if re.search(rf"\b{word}\b", line):
+            line = re.sub(rf"\b{word}\b", f"runs/{runs[i].name}", line)
+    return type_line(line, folder)
 
 
 @pytest.fixture
@@ -76,7 +70,7 @@ def test_the_agent_runs_by_the_command_beside_it(folder):
     (program,) = re.findall(r"```python\n(.*?)```", section("Write an agent"), re.DOTALL)
     (folder / "upwind.py").write_text(program)
     (command,) = re.findall(r"`(gslcosim up [^`]*upwind\.py[^`]*)`", section("Write an agent"))
-    ended = run(command, folder)
+    ended = type_line(command, folder)
     assert ended.returncode in (0, 1), f"{ended.stdout}\n{ended.stderr}"
     assert (next((folder / "runs").iterdir()) / "result.json").is_file()
 
@@ -85,7 +79,9 @@ def test_the_agent_runs_by_the_command_beside_it(folder):
 @pytest.mark.slow
 def test_the_quickstart_ends_as_the_page_shows(folder):
     (shown,) = re.findall(r"ends with[^`]*```\n(.*?)```", section("Two commands"), re.DOTALL)
-    ended = run(f"gslcosim up {ROOT / 'scenarios' / 'warehouse_empty.yaml'}", folder)
+    program = Path(sys.executable).with_name("gslcosim")
+    call = [program, "up", ROOT / "scenarios" / "warehouse_empty.yaml"]
+    ended = subprocess.run(call, cwd=folder, capture_output=True, text=True, timeout=PROCESS_S, check=False)
     assert ended.returncode == 0, ended.stderr
     # Which sandbox is the strongest depends on the machine.
     for line in shown.strip().replace("bubblewrap", "").splitlines():

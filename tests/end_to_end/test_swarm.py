@@ -6,6 +6,7 @@ import signal
 import sys
 
 import pytest
+import yaml
 from real_runs import AGENTS, ROOT, fly, fly_here, start, wait_a_moment
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
@@ -128,3 +129,22 @@ def test_vehicles_that_start_in_each_other_are_refused(tmp_path):
     ended = fly_here(SWARM, tmp_path, "--set", "agents[1].vehicle.start_m=[5.2, 0.8, 0.05]")
     assert ended.exit_code == 2
     assert "agents[1].vehicle.start_m: expected at least 0.14 m" in ended.errors
+
+
+@pytest.mark.slow
+def test_a_hundred_agents_fly_to_the_end_in_one_process_and_in_several(tmp_path):
+    """They keep apart above one another, and share four processes."""
+    tree = yaml.safe_load((ROOT / "scenarios" / "warehouse_empty.yaml").read_text())
+    (agent,) = tree["agents"]
+    for i in range(100):
+        start_m, height_m = [1.4 + 1.3 * (i % 10), 1.4 + 1.3 * (i // 10), 0.2], round(0.8 + 0.06 * i, 2)
+        vehicle = {**agent["vehicle"], "start_m": start_m, "search_height_m": height_m, "separation_m": 0.6}
+        shared = {"start": {"process_of": f"beetle_{i % 4}"}} if i >= 4 else {}
+        tree["agents"] += [{**agent, "name": f"beetle_{i}", "vehicle": vehicle, **shared}]
+    del tree["agents"][0]
+    tree["referee"]["stop"]["time_limit_s"] = 15
+    scenario = tmp_path / "hundred.yaml"
+    scenario.write_text(yaml.safe_dump(tree))
+    one = fly_here(scenario, tmp_path / "one")
+    assert one.result["sim_time_s"] == 15
+    assert digest_of(fly(scenario, tmp_path / "several")) == digest_of(one)

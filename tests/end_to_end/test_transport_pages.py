@@ -1,13 +1,10 @@
 """The pages of the transports and of Python are followed literally, and their programs all fly the same run."""
 
-import os
 import re
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from deadlines import PROCESS_S
+from page_commands import type_block
 from real_runs import ROOT, TINY_ROOM, fly, fly_here
 
 EXAMPLES = ROOT / "docs" / "examples"
@@ -21,17 +18,7 @@ def test_a_page_followed_literally_runs(tmp_path, page):
     text = (ROOT / "docs" / page).read_text()
     for name, program in SAVED.findall(text):
         (tmp_path / name).write_text(program)
-    script = "set -eux\n" + "\n".join(COMMANDS.findall(text))
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    followed = subprocess.run(
-        ["bash", "-c", script],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PROCESS_S,
-        check=False,
-    )
+    followed = type_block("".join(COMMANDS.findall(text)), tmp_path)
     assert followed.returncode == 0, followed.stdout + followed.stderr
     assert followed.stdout.count("The source was found") == text.count("\ngslcosim up tiny_room") > 0
 

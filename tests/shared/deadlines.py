@@ -7,6 +7,7 @@ import os
 import select
 
 EVENT_S = 180.0  # what is there at once on a machine with nothing else to do: a message, a file, the end of a process
+KILLED_S = 20.0  # the end of a process that was killed: shorter than what keeps a process that was left over
 PROCESS_S = 300.0  # a command from its start to its end
 BUILD_S = 900.0  # a program built from sources, with packages that are fetched first
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from gslcosim.cli.main import main
 # Scripts use these runs, too; pytest finds the folder by its settings.
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from deadlines import EVENT_S, PROCESS_S
+from deadlines import EVENT_S, KILLED_S, PROCESS_S
+from warm_commands import WarmCommand, start_warm
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
@@ -49,7 +50,7 @@ class Ended:
 class Flight:
     """A run going on in a process of its own."""
 
-    process: subprocess.Popen
+    process: subprocess.Popen | WarmCommand
     runs_dir: Path
     arguments: list[str] = field(default_factory=list)
 
@@ -97,36 +98,51 @@ class Flight:
         return _ended(self.process.returncode, self.runs_dir, output, errors)
 
 
-def start(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Flight:
-    """Start `gslcosim up` with its output captured."""
-    call = [*prefix, *COMMAND, *_words(scenario, runs_dir, arguments, is_recorded=is_recorded)]
-    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    flight = Flight(process, runs_dir, list(arguments))
+def start(scenario, runs_dir, *arguments, prefix=(), is_recorded=False, is_fresh=False) -> Flight:
+    """Start `gslcosim up` with its output captured; see `start_command`."""
+    words = _words(scenario, runs_dir, arguments, is_recorded=is_recorded)
+    flight = Flight(start_command(words, prefix=prefix, is_fresh=is_fresh), runs_dir, list(arguments))
     STARTED.append(flight)
     return flight
 
 
+def start_command(
+    words, *, prefix=(), is_fresh=False, cwd: Path | None = None, variables: Mapping[str, str] | None = None
+) -> subprocess.Popen | WarmCommand:
+    """Start `gslcosim WORDS` with its output captured.
+
+    Args:
+        words: The command line without the program's name.
+        prefix: Words of a program that starts it, after which it imports what it needs.
+        is_fresh: Whether it does so in any case; otherwise it is a fork of a process that has imported everything.
+        cwd: Its folder; absent: that of this process.
+        variables: Variables that it has beside those of this process.
+    """
+    if not prefix and not is_fresh and (warm := start_warm(words, cwd or Path.cwd(), variables or {})):
+        return warm
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": os.environ | (variables or {})}
+    return subprocess.Popen([*prefix, *COMMAND, *words], **pipes, text=True, start_new_session=True, cwd=cwd)
+
+
 def fly_command(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Ended:
-    """Fly to the end: the command in a process of its own, and all the processes that it starts."""
-    return start(scenario, runs_dir, *arguments, prefix=prefix, is_recorded=is_recorded).end()
+    """Fly to the end by a command that imports what it needs, as do the processes that it starts."""
+    return start(scenario, runs_dir, *arguments, prefix=prefix, is_recorded=is_recorded, is_fresh=True).end()
 
 
 def fly_here(scenario, runs_dir, *arguments, is_recorded=False) -> Ended:
     """Fly to the end with `--in-process`; agents with a command of their own are processes nevertheless."""
-    return fly(scenario, runs_dir, *arguments, "--in-process", is_recorded=is_recorded)
+    before = children_of(os.getpid())
+    words = _words(scenario, runs_dir, (*arguments, "--in-process"), is_recorded=is_recorded)
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        exit_code = main(words)
+    assert_gone([pid for pid in children_of(os.getpid()) if pid not in before])
+    return _ended(exit_code, runs_dir, output.getvalue(), errors.getvalue())
 
 
 def fly(scenario, runs_dir, *arguments, is_recorded=False) -> Ended:
-    """Fly to the end with services and agents in their processes.
-
-    The command is called in this very process, which has imported everything.
-    """
-    before = children_of(os.getpid())
-    output, errors = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        exit_code = main(_words(scenario, runs_dir, arguments, is_recorded=is_recorded))
-    assert_gone([pid for pid in children_of(os.getpid()) if pid not in before])
-    return _ended(exit_code, runs_dir, output.getvalue(), errors.getvalue())
+    """Fly to the end with services and agents in their processes."""
+    return start(scenario, runs_dir, *arguments, is_recorded=is_recorded).end()
 
 
 def _words(scenario, runs_dir, arguments, *, is_recorded) -> list[str]:
@@ -144,9 +160,11 @@ def _ended(exit_code, runs_dir, output, errors) -> Ended:
 
 
 def assert_gone(pids) -> None:
-    """Assert that none of these processes runs."""
-    left = [command_of(pid) for pid in pids if is_running(pid)]
-    assert not left, f"left over: {left}"
+    """Assert that none of these processes runs; those that Linux kills with their parent end a moment later."""
+    deadline = time.monotonic() + KILLED_S
+    while (left := [pid for pid in pids if is_running(pid)]) and time.monotonic() < deadline:
+        wait_a_moment()
+    assert not left, f"left over: {[command_of(pid) for pid in left]}"
 
 
 def with_agent(agent: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ import contextlib
 import io
 import json
 
-from real_runs import UNRECORDED, Ended
+from real_runs import UNRECORDED, Ended, Flight, start_command
 
 from gslcosim.cli.main import main
 
@@ -27,7 +27,9 @@ def replayed(run_dir, runs_dir, *arguments, is_recorded=False) -> Ended:
 def forked(run_dir, runs_dir, at_s, *arguments, in_process=True) -> Ended:
     """Fork a run, by default in this process."""
     words = ["fork", str(run_dir), "--at", str(at_s), "--json", "--runs-dir", str(runs_dir), *UNRECORDED, *arguments]
-    return _run_here([*words, *(["--in-process"] if in_process else [])], runs_dir)
+    if in_process:
+        return _run_here([*words, "--in-process"], runs_dir)
+    return Flight(start_command(words), runs_dir).end()
 
 
 def compared(a, b) -> dict:

@@ -1,15 +1,12 @@
 """The way of docs/benchmark/submit.md, walked as it stands there: from `agent new` to a row in the table."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from deadlines import PROCESS_S
+from page_commands import type_block
 
 from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
 from gslcosim_bench import Results
@@ -32,15 +29,11 @@ FILES = {
 # A dozen commands in a row, of which four fly.
 @pytest.mark.timeout(1800)
 def test_the_page_leads_to_a_row_in_the_table(tmp_path: Path) -> None:
-    paths = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     for kind, block in BLOCKS:
         if kind == "yaml":
             (tmp_path / FILES[block.split()[1]]).write_text(block)
             continue
-        ended = subprocess.run(
-            ["sh", "-e", "-c", block], cwd=tmp_path, env={**os.environ, "PATH": paths}, capture_output=True, text=True,
-            timeout=PROCESS_S, check=False,
-        )  # fmt: skip
+        ended = type_block(block, tmp_path)
         assert ended.returncode == 0, f"{block}\n{ended.stdout}\n{ended.stderr}"
     leaderboard = json.loads((tmp_path / "results" / "ranked" / "leaderboard.json").read_text())
     entries = {row["entry"] for row in leaderboard["views"][0]["rows"]}

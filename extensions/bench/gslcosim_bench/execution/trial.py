@@ -18,8 +18,8 @@ from gslcosim.base.files import ScratchFolder
 from gslcosim.environment.generation.cache import prepare_environment, prepare_variants, with_variants
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.in_process import run_in_process
+from gslcosim.runtime.kernel_compilation import compile_agent_kernels
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes

@@ -4,15 +4,12 @@ They start processes, which a check in the same process would take for what its 
 agents are in a file of their own.
 """
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
 from languages import stub_of
+from page_commands import type_block
 
 from gslcosim_conformance.scaffold import create_agent, list_languages
 
@@ -29,11 +26,7 @@ def test_the_readme_of_a_new_agent_builds_checks_and_flies_it(language, tmp_path
         pytest.skip(f"a new agent in {language} is not tried: this machine has no {lacks}")
     created = create_agent(language, "gas_finder", tmp_path / "new folder")
     (commands,) = re.findall(r"```sh\n(.*?)```", (created.folder / "README.md").read_text(), re.DOTALL)
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    ended = subprocess.run(
-        ["sh", "-ec", commands], cwd=created.folder, env=environment, capture_output=True, text=True, timeout=BUILD_S,
-        check=False,
-    )  # fmt: skip
+    ended = type_block(commands, created.folder, limit_s=BUILD_S)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "0 failed." in ended.stdout
     assert "The source was found" in ended.stdout

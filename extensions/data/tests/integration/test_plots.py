@@ -52,11 +52,10 @@ def test_points_read_back_from_svg_are_those_of_the_run(runs, tmp_path, capsys):
 
 
 def test_every_figure_of_a_run_comes_in_every_format_and_width(runs, tmp_path):
-    for columns in ("1", "2"):
-        out = plotted(tmp_path / columns, runs["3", "infotaxis"], "--format", "pdf,svg,png", "--columns", columns)
-        names = {path.stem for path in out.iterdir()}
-        assert names == {"track", "distance", "gas", "track_3d", "wind", "gas_section", "belief"}
-        assert len(list(out.iterdir())) == 3 * len(names)
+    for columns, formats in (("1", "pdf,svg,png"), ("2", "svg")):
+        out = plotted(tmp_path / columns, runs["3", "infotaxis"], "--format", formats, "--columns", columns)
+        names = {"track", "distance", "gas", "track_3d", "wind", "gas_section", "belief"}
+        assert {path.name for path in out.iterdir()} == {f"{n}.{end}" for n in names for end in formats.split(",")}
         width_pt = float(re.search(r'width="([\d.]+)pt"', (out / "track.svg").read_text())[1])
         assert width_pt == pytest.approx(72 * {"1": 3.5, "2": 7.16}[columns], abs=0.1)
 
