@@ -11,8 +11,12 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+from gslcosim.base import elementary
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
+NORMAL_TAIL = 3.6541528853610088
+"""Where the tail of numpy's ziggurat for the normal distribution begins."""
 _KERNELS: list[Callable[..., Any]] = []
 
 
@@ -69,6 +73,17 @@ def distance(a: Sequence[float], b: Sequence[float]) -> float:
     return norm2(a[0] - b[0], a[1] - b[1]) if len(a) == 2 else norm3(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
+@scalar_kernel
+def tail_normal(u: float, v: float) -> float:
+    """Return a number of the normal distribution beyond `NORMAL_TAIL`, or 0 where the two uniform ones are rejected.
+
+    Source:
+        Marsaglia 1964, Technometrics 6, 101-102, doi:10.1080/00401706.1964.10490150.
+    """
+    excess = -elementary.log1p(-u) / NORMAL_TAIL
+    return NORMAL_TAIL + excess if -2.0 * elementary.log1p(-v) > excess * excess else 0.0
+
+
 # Batches have compiled twins of the functions below.
 
 
@@ -76,7 +91,7 @@ def next_normal(stream: Any) -> float:
     """Draw a number from the standard normal distribution.
 
     Args:
-        stream: A `numpy.random.Generator`, or its state in compiled code.
+        stream: A `gslcosim.base.rng.RandomStream`, or its state in compiled code.
     """
     return stream.standard_normal()
 
@@ -85,7 +100,7 @@ def next_poisson(stream: Any, mean: float) -> float:
     """Draw a number from the Poisson distribution of a mean.
 
     Args:
-        stream: A `numpy.random.Generator`, or its state in compiled code.
+        stream: A `gslcosim.base.rng.RandomStream`, or its state in compiled code.
         mean: Its mean, >= 0.
     """
     return float(stream.poisson(mean))

@@ -118,11 +118,6 @@ def join_as_services(
         here = SoftwareVersions.here()
         check_offer(offer, names, here)
         say(f"{offer.run_id}: joined as {', '.join(names)}")
-        if here.processor != offer.software.processor:
-            say(
-                f"this processor is a {here.processor}, that of the run's host a {offer.software.processor}: "
-                "the last bits of results, and with them the digest, may differ"
-            )
         setup = build_joined_setup(join, offer, names, bus, runs_dir=runs_dir, say=say, is_trusted=is_trusted)
         at_fault = names[0]
         try:

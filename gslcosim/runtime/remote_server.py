@@ -65,8 +65,7 @@ ProgressHandler = Callable[[str], None]
 class SoftwareVersions(BaseModel):
     """Versions that have to be equal on all hosts of a run, so that it has the digest that it has on one.
 
-    `code` is a hash of gslcosim's own code without comments and layout, `contract` that of the messages. `processor`
-    is reported and not compared: on another one the last bits of a result may be others.
+    `code` is a hash of gslcosim's own code without comments and layout, `contract` that of the messages.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -76,22 +75,17 @@ class SoftwareVersions(BaseModel):
     code: _Word
     python: _Word
     packages: Annotated[dict[_Word, _Word], Field(max_length=200)]
-    processor: _Word
 
     @classmethod
     @cache
     def here(cls) -> "SoftwareVersions":
         """Return the software that this process computes with; the first call after a change of code takes seconds."""
-        # Slow to import, and needed by nothing else here.
-        from llvmlite.binding import get_host_cpu_name  # pyright: ignore[reportMissingTypeStubs]
-
         return cls(
             version=gslcosim.__version__,
             contract=CONTRACT_HASH,
             code=hash_result_code(),
             python=f"{sys.version_info[0]}.{sys.version_info[1]}",
             packages={name: get_package_version(name) for name in _COMPARED_PACKAGES},
-            processor=get_host_cpu_name(),
         )
 
     def find_mismatch(self, here: "SoftwareVersions") -> str:

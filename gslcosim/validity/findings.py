@@ -315,7 +315,7 @@ def _assess_determinism(scenario: Scenario) -> Finding:
         text = f"{', '.join(free)} acts by the clock (mode: free): another run may come out differently."
         remedy = "Take mode: on_request for figures that others can repeat."
         return Finding(about="determinism", severity="note", text=text, remedy=remedy, figures=figures)
-    text = "The same scenario, seed, versions and kind of processor give the same digest."
+    text = "The same scenario, seed and versions give the same digest on every processor."
     return Finding(about="determinism", severity="ok", text=text, figures=figures)
 
 

@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
-from llvmlite.binding import get_host_cpu_name
 from numpy.typing import NDArray
 
 from gslcosim.base.checksums import check_files, write_checksums
@@ -260,7 +259,7 @@ class CachedPlume:
 
 
 def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
-    """Return 32 hexadecimal digits of all that determines a tape's content, the code and the processor included."""
+    """Return 32 hexadecimal digits of all that determines a tape's content, the code included."""
     recipe: dict[str, Any] = {
         "format": TAPE_FORMAT,
         "gas": scenario.gas.model_dump(mode="json", exclude=_IRRELEVANT_SETTINGS),
@@ -269,7 +268,6 @@ def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
         "n_frames": TapeSchedule.of(scenario).n_frames,
         "environment": environment.content_hash,
         "packages": {name: version(name) for name in ("numpy", "numba", "llvmlite", "scipy")},
-        "processor": get_host_cpu_name(),
     }
     digest = hashlib.blake2b(json.dumps(recipe, sort_keys=True).encode(), digest_size=16)
     digest.update(hash_code(list_package_files(*_SOURCE_FILES)).encode())

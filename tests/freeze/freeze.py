@@ -31,9 +31,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from commands import Skipped
 from jobs import ROOT, Entry, Job, all_jobs
-from machine import differing, machine_type
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from versions import differing, installed_versions
 
 FROZEN = Path(__file__).resolve().parent / "frozen.json"
 STATE = ROOT / ".freeze"
@@ -51,9 +51,9 @@ N_TRIES = 2
 
 @dataclass
 class Frozen:
-    """What is frozen: the type of machine it was made on, entries by name, and reasons of those that are missing."""
+    """What is frozen: the versions it was made with, entries by name, and reasons of those that are missing."""
 
-    machine: dict[str, str]
+    versions: dict[str, str]
     entries: dict[str, Entry] = field(default_factory=dict)
     skipped: dict[str, str] = field(default_factory=dict)
 
@@ -61,11 +61,11 @@ class Frozen:
     def load(cls, path: Path) -> "Frozen":
         """Read a frozen file."""
         content = json.loads(path.read_text(encoding="utf-8"))
-        return cls(content["machine"], content["entries"], content["skipped"])
+        return cls(content["versions"], content["entries"], content["skipped"])
 
     def save(self, path: Path) -> None:
         """Write a frozen file, an entry a line."""
-        blocks = [_block(name, getattr(self, name)) for name in ("machine", "skipped", "entries")]
+        blocks = [_block(name, getattr(self, name)) for name in ("versions", "skipped", "entries")]
         part = path.with_suffix(".part")
         part.write_text("{\n" + ",\n".join(blocks) + "\n}\n", encoding="utf-8")
         part.replace(path)
@@ -146,9 +146,9 @@ def _ignore_interrupts() -> None:
 class Partial:
     """What an interrupted freeze has computed already, in a file that is added to as jobs end."""
 
-    def __init__(self, path: Path, machine: dict[str, str]) -> None:
+    def __init__(self, path: Path, versions: dict[str, str]) -> None:
         self._path = path
-        self._key = hashlib.blake2b(f"{hash_of_files(*CODE, *INPUTS)} {machine}".encode(), digest_size=16).hexdigest()
+        self._key = hashlib.blake2b(f"{hash_of_files(*CODE, *INPUTS)} {versions}".encode(), digest_size=16).hexdigest()
         self.done: dict[str, Done] = {}
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
         if lines and lines[0] == self._key:
@@ -245,26 +245,20 @@ def chosen_jobs(patterns: Sequence[str]) -> list[Job]:
 
 
 def comparable_jobs(jobs: list[Job], frozen: dict[str, str], here: dict[str, str]) -> list[Job]:
-    """Return the jobs that come out the same on two types of machine."""
+    """Return the jobs that come out the same with two sets of versions."""
     if not differing(frozen, here):
         return jobs
-    python = {minor_version(frozen["python"]), minor_version(here["python"])}
     # Python words some errors of the command line itself.
-    return [job for job in jobs if job.is_portable and (len(python) == 1 or job.name != "error")]
-
-
-def minor_version(python: str) -> str:
-    """Return 3.11 of 3.11.7."""
-    return python.rpartition(".")[0]
+    return [job for job in jobs if job.is_portable and (frozen["python"] == here["python"] or job.name != "error")]
 
 
 def _is_like(name: str, pattern: str) -> bool:
     return fnmatch.fnmatch(name, pattern) or name == pattern or name.startswith(f"{pattern.rstrip('/')}/")
 
 
-def run(jobs: list[Job], machine: dict[str, str], *, may_continue: bool) -> tuple[list[Done], float]:
+def run(jobs: list[Job], versions: dict[str, str], *, may_continue: bool) -> tuple[list[Done], float]:
     """Compute jobs, showing how far it is; go on where an interrupted freeze was, where that may be."""
-    partial = Partial(STATE / "partial.jsonl", machine) if may_continue else None
+    partial = Partial(STATE / "partial.jsonl", versions) if may_continue else None
     known = partial.done if partial else {}
     prepare_cache(is_new=partial is None or partial.is_new)
     if partial:
@@ -297,15 +291,15 @@ def run(jobs: list[Job], machine: dict[str, str], *, may_continue: bool) -> tupl
 
 def write(arguments: argparse.Namespace) -> int:
     """Compute and write; return the exit code."""
-    machine = machine_type()
+    versions = installed_versions()
     jobs = chosen_jobs(arguments.only)
-    frozen = Frozen(machine)
+    frozen = Frozen(versions)
     if arguments.only and arguments.frozen.exists():
         frozen = Frozen.load(arguments.frozen)
-        if reported := differing(frozen.machine, machine):
-            print(f"{arguments.frozen.name} was made on another type of machine ({reported}): write it as a whole.")
+        if reported := differing(frozen.versions, versions):
+            print(f"{arguments.frozen.name} was made with other versions ({reported}): write it as a whole.")
             return 2
-    done, wall_s = run(jobs, machine, may_continue=not arguments.only)
+    done, wall_s = run(jobs, versions, may_continue=not arguments.only)
     failed = {each.job: each.failed for each in done if each.failed}
     for job in jobs:
         for old in [name for name in frozen.entries if job.holds(name)]:
@@ -328,16 +322,14 @@ def check(arguments: argparse.Namespace) -> int:
     if not arguments.frozen.is_file():
         print(f"{arguments.frozen}: expected the file of `make freeze`, found none. Run that first.", file=sys.stderr)
         return 2
-    machine, frozen = machine_type(), Frozen.load(arguments.frozen)
-    reported = differing(frozen.machine, machine)
-    jobs = comparable_jobs(chosen_jobs(arguments.only), frozen.machine, machine)
+    versions, frozen = installed_versions(), Frozen.load(arguments.frozen)
+    reported = differing(frozen.versions, versions)
+    jobs = comparable_jobs(chosen_jobs(arguments.only), frozen.versions, versions)
     if reported:
         names = ", ".join(job.name for job in jobs) or "nothing of this"
-        sentence = (
-            f"{arguments.frozen.name} was made on another type of machine ({reported}), so only {names} is compared."
-        )
+        sentence = f"{arguments.frozen.name} was made with other versions ({reported}), so only {names} is compared."
         print(sentence, file=sys.stderr)
-    done, wall_s = run(jobs, machine, may_continue=not arguments.only)
+    done, wall_s = run(jobs, versions, may_continue=not arguments.only)
     now = {name: entry for each in done for name, entry in each.entries.items()}
     skipped = {each.job: each.skipped for each in done if each.skipped}
     failed = {each.job: each.failed for each in done if each.failed}

@@ -51,7 +51,7 @@ Entry = dict[str, Any]
 class Job:
     """One thing to compute, in an empty working directory.
 
-    `cost_s` is about how long it takes; long ones come first. A portable one is the same on every type of machine.
+    `cost_s` is about how long it takes; long ones come first. A portable one is the same with other packages.
     """
 
     name: str

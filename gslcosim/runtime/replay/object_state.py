@@ -31,6 +31,7 @@ import numpy as np
 from msgspec import Struct, StructMeta
 
 from gslcosim.base.errors import SnapshotError
+from gslcosim.base.rng import RandomStream
 
 _IMMUTABLE_TYPES = (
     FunctionType,
@@ -613,7 +614,7 @@ class StateWriter:
         name = str(state.get("bit_generator"))
         if found is None and name not in _BIT_GENERATORS:
             raise SnapshotError(f"expected a random generator of numpy, was {name}.")
-        generator = np.random.Generator(getattr(np.random, name)()) if found is None else found.value
+        generator = RandomStream(getattr(np.random, name)()) if found is None else found.value
         if not isinstance(generator, np.random.Generator):
             raise _build_kind_error(found, "a random generator")
         generator.bit_generator.state = state

@@ -8,7 +8,6 @@ import functools
 import hashlib
 import inspect
 import io
-import platform
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -31,14 +30,14 @@ from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.model import Environment
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.replay.object_state import ObjectState
-from gslcosim.runtime.run_dir import RunDir, get_package_version, read_cpu_flags
+from gslcosim.runtime.run_dir import RunDir, get_package_version
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.base import Spec
 from gslcosim.vehicles import Vehicle
 
 # A room, a scenario and vehicles never change in a run, and are there when it goes on.
 _IMMUTABLE_TYPES = (Environment, Spec, Vehicle)
-SCHEMA = "gslcosim/snapshot/1"
+SCHEMA = "gslcosim/snapshot/2"
 SNAPSHOTS_FOLDER = "snapshots"
 _SNAPSHOT_SUFFIX = ".snap"
 # Code that holds states, and code that computes from them.
@@ -68,11 +67,10 @@ def build_state_adapter(core: Core) -> SupportsSnapshots:
 
 @dataclass(frozen=True, kw_only=True)
 class CodeIdentity:
-    """Identity of the code that wrote a state: the contract, hashes of code and processor, versions of packages."""
+    """Identity of the code that wrote a state: the contract, a hash of the code, versions of packages."""
 
     contract: str
     code: str
-    processor: str
     packages: str
     version: str
 
@@ -80,11 +78,9 @@ class CodeIdentity:
     @functools.cache
     def read_own(cls) -> "CodeIdentity":
         """Return that of this process."""
-        processor = f"{platform.machine()} {read_cpu_flags()}".encode()
         return cls(
             contract=CONTRACT_HASH,
             code=hash_code([*list_package_files(*_STATE_CODE), *list_registered_files()]),
-            processor=hashlib.blake2b(processor, digest_size=8).hexdigest(),
             packages=", ".join(f"{name} {get_package_version(name)}" for name in COMPUTING_PACKAGES),
             version=gslcosim.__version__,
         )
@@ -95,8 +91,6 @@ class CodeIdentity:
             return f"another contract ({self.contract}, flown by gslcosim {self.version})"
         if self.packages != other.packages:
             return f"other packages ({self.packages})"
-        if self.processor != other.processor:
-            return "another processor"
         return f"other code (gslcosim {self.version})" if self.code != other.code else ""
 
 
@@ -141,7 +135,7 @@ class SnapshotPart:
         except (ValueError, KeyError, TypeError, AttributeError, msgpack.UnpackException) as error:
             raise SnapshotError(f"damaged ({error})") from error
         if identity is None:
-            raise SnapshotError("damaged")
+            raise SnapshotError("of another format")
         if difference := identity.find_difference(CodeIdentity.read_own()):
             raise SnapshotError(f"of {difference}")
         # Compiled code trusts the numbers in a state: one from elsewhere is as good as a program.

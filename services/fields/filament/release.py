@@ -133,15 +133,18 @@ class _PoissonBirths:
     next_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.next_s = self.rng.exponential() / self.filaments_per_s
+        self.next_s = self._draw_gap_s()
 
     def births_s(self, start_s: float, end_s: float) -> list[float]:
         del start_s
         births: list[float] = []
         while self.next_s <= end_s:
             births.append(self.next_s)
-            self.next_s += self.rng.exponential() / self.filaments_per_s
+            self.next_s += self._draw_gap_s()
         return births
+
+    def _draw_gap_s(self) -> float:
+        return -elementary.log1p(-self.rng.random()) / self.filaments_per_s
 
 
 @dataclass(kw_only=True)

@@ -1,10 +1,12 @@
+import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from gslcosim.base.rng import stream
+from gslcosim.base.rng import RandomStream, stream
+from gslcosim.base.scalar_kernels import NORMAL_TAIL, tail_normal
 
 NAMES = ["fields.release", "fields.disperse", "sensing.nose", "sensing.nosf", ""]
 
@@ -37,3 +39,32 @@ def test_a_stream_is_the_same_in_another_process():
         for salt in ("1", "2")
     }
     assert answers == {f"{stream(7, 'fields.release').integers(2**62)}\n"}
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_tails_are_as_frequent_and_as_long_as_those_of_the_distribution(dtype):
+    n = 2_000_000
+    numbers = np.abs(stream(1, "x").standard_normal(n, dtype))
+    for limit in (NORMAL_TAIL, 4.0, 4.3):
+        expected = n * math.erfc(limit / math.sqrt(2.0))
+        assert abs(np.count_nonzero(numbers >= limit) - expected) < 4.0 * math.sqrt(expected)
+
+
+def test_numbers_do_not_depend_on_how_many_are_drawn_at_once_where_no_tail_is_among_them():
+    one, few, many = stream(2, "x"), stream(2, "x"), stream(2, "x")
+    drawn = [one.standard_normal() for _ in range(60)]
+    assert drawn == few.standard_normal((20, 3)).reshape(-1).tolist() == many.standard_normal(60).tolist()
+    assert max(map(abs, drawn)) < NORMAL_TAIL
+
+
+def test_tails_keep_the_sign_and_no_draw_of_the_c_library():
+    """Where one number of a few is a tail, it is drawn again from the two uniform numbers that follow."""
+    seeds = [i for i in range(3_000) if abs(np.random.default_rng(i).standard_normal()) >= NORMAL_TAIL]
+    assert seeds
+    for seed in seeds:
+        of_numpy = np.random.default_rng(seed)
+        drawn, numbers = of_numpy.standard_normal(), RandomStream(np.random.PCG64(seed))
+        redrawn = 0.0
+        while not redrawn:
+            redrawn = tail_normal(of_numpy.random(), of_numpy.random())
+        assert numbers.standard_normal() == math.copysign(redrawn, drawn)

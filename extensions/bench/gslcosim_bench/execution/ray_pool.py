@@ -450,7 +450,7 @@ class RayPool:
         if len({room.content_hash for room in rooms.values()}) > 1:
             addresses = {each.node.id: each.node.address for each in self._workers}
             hashes = ", ".join(f"{addresses.get(node, node)}: {room.content_hash}" for node, room in rooms.items())
-            text = f"nodes make different rooms of one recipe ({hashes}). Fly on nodes with one kind of processor."
+            text = f"nodes make different rooms of one recipe ({hashes}). Install the same packages on all nodes."
             self._end(order, worker, failure="fault", text=text)
         elif self._here not in rooms:
             self._end(order, worker, failure="crashed", text="the workers of this machine are gone")

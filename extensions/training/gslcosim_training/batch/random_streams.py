@@ -16,12 +16,13 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 from numpy.random import _generator
 
+from gslcosim.base.scalar_kernels import NORMAL_TAIL, tail_normal
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
 _INT32, _INT64, _DOUBLE, _POINTER = ir.IntType(32), ir.IntType(64), ir.DoubleType(), ir.PointerType()
-_NEXT_BITS = "numpy_pcg64_next_uint64"
+_NEXT_BITS, _NEXT_UNIFORM = "numpy_pcg64_next_uint64", "numpy_pcg64_next_double"
 # The order of `bitgen_t`, whose `next_raw` PCG64 shares with `next_uint64`.
-_NEXT = (_NEXT_BITS, "numpy_pcg64_next_uint32", "numpy_pcg64_next_double", _NEXT_BITS)
+_NEXT = (_NEXT_BITS, "numpy_pcg64_next_uint32", _NEXT_UNIFORM, _NEXT_BITS)
 _U = np.uint64
 _ONE, _ZERO, _16, _32, _63 = _U(1), _U(0), _U(16), _U(32), _U(63)
 _LOW = _U(0xFFFFFFFF)
@@ -52,9 +53,9 @@ def _emit_call(context, builder, name, result_type, stream_type, stream, *argume
     copies = [cgutils.gep_inbounds(builder, state, 0, i) for i in range(4)]
     for word, copied in zip(words, copies, strict=True):
         builder.store(builder.load(word), copied)
-    # `pcg64_state`: where the state is, and half of a number that no distribution here draws.
+    # `pcg64_state`, which suffices for PCG64's own functions: where the state is, and half of a number that none draws.
     generator = cgutils.alloca_once_value(builder, cgutils.pack_struct(builder, (state, _INT32(0), _INT32(0))))
-    if name != _NEXT_BITS:
+    if name not in (_NEXT_BITS, _NEXT_UNIFORM):
         next_type = ir.FunctionType(_INT64, [_POINTER])
         functions = (cgutils.get_or_insert_function(builder.module, next_type, next_name) for next_name in _NEXT)
         generator = cgutils.alloca_once_value(builder, cgutils.pack_struct(builder, (generator, *functions)))
@@ -74,17 +75,35 @@ def _next_bits_inplace(typingctx, stream):
 
 
 @intrinsic
-def next_normal_inplace(typingctx, stream):
-    """Return the next number of `Generator.standard_normal`.
+def _next_uniform_inplace(typingctx, stream):
+    def codegen(context, builder, signature, arguments):
+        return _emit_call(context, builder, _NEXT_UNIFORM, _DOUBLE, signature.args[0], *arguments)
 
-    Held by:
-        extensions/training/tests/unit/batch/test_random_streams.py
-    """
+    return types.float64(stream), codegen
 
+
+@intrinsic
+def _next_of_numpy_inplace(typingctx, stream):
     def codegen(context, builder, signature, arguments):
         return _emit_call(context, builder, "numpy_random_standard_normal", _DOUBLE, signature.args[0], *arguments)
 
     return types.float64(stream), codegen
+
+
+@reference_free_njit()
+def next_normal_inplace(stream):
+    """Return the next number of `gslcosim.base.rng.RandomStream.standard_normal`.
+
+    Held by:
+        extensions/training/tests/unit/batch/test_random_streams.py
+    """
+    drawn = _next_of_numpy_inplace(stream)
+    if -NORMAL_TAIL < drawn < NORMAL_TAIL:
+        return drawn
+    beyond = 0.0
+    while beyond == 0.0:
+        beyond = tail_normal(_next_uniform_inplace(stream), _next_uniform_inplace(stream))
+    return beyond if drawn > 0.0 else -beyond
 
 
 @intrinsic

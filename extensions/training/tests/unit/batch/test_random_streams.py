@@ -1,4 +1,4 @@
-"""Numbers that kernels draw are those of numpy's generators, to the last bit."""
+"""Numbers that kernels draw are those of `gslcosim.base.rng`, to the last bit."""
 
 import numba
 import numpy as np
