@@ -33,6 +33,8 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 # Two threads detect the ends of a process and of its stream; both together make one fault.
 LOG_TAIL_WAIT_S = 0.3
+# Its stream ends first where a launcher kills all that it has left; on a busy machine its own end takes a while.
+_EXIT_WAIT_S = 5.0
 
 
 @dataclass
@@ -76,7 +78,7 @@ class _AgentProcess:
         else:
             self._rest = data.decode()
             self._has_stopped_talking.set()
-            if self.spec.start.attach or not self._has_exited.wait(LOG_TAIL_WAIT_S):
+            if self.spec.start.attach or not self._has_exited.wait(_EXIT_WAIT_S):
                 self.report_end("the agent closed its output before the end of the run.")
 
     # Frames of a process with several agents name the agent.
