@@ -55,7 +55,7 @@ _COMPILER_VARIABLES = (
 # Marks of files whose text goes into compiled code.
 _KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
-_CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
+_CANNOT_BE_WRITTEN = (errno.EACCES, errno.EFBIG, errno.ENOENT, errno.EPERM, errno.EROFS)
 _KEY_FILE = "kernels.key"
 # Its bytes are locked, each for the kernels whose names hash to it, while a process compiles one.
 _LOCK_FILE = "compiling.lock"
@@ -471,8 +471,8 @@ def read_signed(path: str) -> bytes | None:
 def write_signed(path: str, body: bytes) -> None:
     """Write a body and its signature.
 
-    Nothing is written without a key, as no process could load it again, nor without write access: the kernel is then
-    compiled again next time.
+    Nothing is written without a key, as no process could load it again, nor without write access or above the
+    limit on the size of files: the kernel is then compiled again next time.
     """
     if (signature := sign(_name_place(path), body)) is not None:
         try:
