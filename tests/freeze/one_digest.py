@@ -1,9 +1,10 @@
 """Digests of the bundled scenarios on several kinds of processor, and a table of where they differ: `make one-digest`.
 
 A processor is a set of environment variables that cut down what glibc, numpy, OpenBLAS and numba find, a C library
-whose elementary functions are off by a unit in the last place, or a model of `qemu-x86_64` (Debian's package
-qemu-user), whose child processes run on this machine's own. Each has a cache of its own, so that it also solves the
-wind of its rooms and compiles its kernels. MuJoCo's wheel needs AVX: no older processor can run it.
+whose elementary functions are off by a unit in the last place, a model of `qemu-x86_64` (Debian's package qemu-user),
+whose child processes run on this machine's own, or what `tests/freeze/aarch64.sh` has installed. Each has a cache of
+its own, so that it also solves the wind of its rooms and compiles its kernels. MuJoCo's wheel needs AVX: no older
+processor can run it.
 """
 
 import argparse
@@ -38,12 +39,12 @@ class Processor:
     Args:
         name: Its name in the table.
         variables: Environment variables that hide features of this machine.
-        qemu_model: Model that `qemu-x86_64` emulates; empty for this machine's own.
+        emulated: Command that runs Python on it; empty for this machine's own.
     """
 
     name: str
     variables: Mapping[str, str] = field(default_factory=dict)
-    qemu_model: str = ""
+    emulated: tuple[str, ...] = ()
 
 
 _GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"}
@@ -52,6 +53,8 @@ _NUMPY = {
 }
 _BLAS = {"OPENBLAS_CORETYPE": "Prescott"}
 _NUMBA = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
+# LLVM would read this machine's features.
+_GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 PROCESSORS = (
     Processor("this machine"),
     Processor("glibc without FMA", _GLIBC),
@@ -61,7 +64,8 @@ PROCESSORS = (
     Processor("all of these", _GLIBC | _NUMPY | _BLAS | _NUMBA),
 )
 EMULATED = tuple(
-    Processor(f"qemu {model}", qemu_model=model) for model in ("SandyBridge", "Haswell", "Skylake-Server", "EPYC")
+    Processor(f"qemu {model}", emulated=(QEMU, "-cpu", model, sys.executable))
+    for model in ("SandyBridge", "Haswell", "Skylake-Server", "EPYC")
 )
 
 
@@ -80,12 +84,11 @@ class Case:
 def run_case(case: Case, processor: Processor, folder: Path) -> str:
     """Return the digest of a case on a processor, or the last line of its error."""
     place = folder / processor.name.replace(" ", "_")
+    interpreter = processor.emulated or (sys.executable,)
     command = [
-        sys.executable, "-m", "gslcosim", "up", str(ROOT / "scenarios" / f"{case.scenario}.yaml"), "--json",
+        *interpreter, "-m", "gslcosim", "up", str(ROOT / "scenarios" / f"{case.scenario}.yaml"), "--json",
         "--seed", str(case.seed), "--processes", case.layout, "--runs-dir", str(place / "runs"),
     ]  # fmt: skip
-    if processor.qemu_model:
-        command = [QEMU, "-cpu", processor.qemu_model, *command]
     inherited = {name: value for name, value in os.environ.items() if name not in _OWN_VARIABLES}
     try:
         ended = subprocess.run(
@@ -148,26 +151,28 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--layouts", nargs="+", default=list(LAYOUTS))
     parser.add_argument("--processors", nargs="+", help="names, or parts of names (default: all)")
+    parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help="folder that aarch64.sh has filled")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--folder", type=Path, help="folder of caches and runs, kept (default: a temporary one)")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = args.folder or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        known = (*PROCESSORS, build_other_c_library(folder), *EMULATED)
+        aarch64 = [Processor("qemu aarch64", _GENERIC, (str(args.aarch64 / "python"),))] if args.aarch64 else []
+        known = (*PROCESSORS, build_other_c_library(folder), *EMULATED, *aarch64)
         wanted = [each for each in known if args.processors is None or any(p in each.name for p in args.processors)]
         digests: dict[tuple[Case, str], str] = {}
 
         def run_all(processor: Processor) -> None:
-            scenarios = [n for n in args.scenarios if n in QUICK] if processor.qemu_model else args.scenarios
-            seeds, layouts = (1, args.layouts[:1]) if processor.qemu_model else (args.seeds, args.layouts)
+            scenarios = [n for n in args.scenarios if n in QUICK] if processor.emulated else args.scenarios
+            seeds, layouts = (1, args.layouts[:1]) if processor.emulated else (args.seeds, args.layouts)
             for case in build_cases(scenarios, seeds, layouts):
                 digests[case, processor.name] = found = run_case(case, processor, folder)
                 sys.stderr.write(f"{processor.name}: {case}: {found}\n")
 
         if shutil.which(QEMU) is None:
             sys.stderr.write(f"Without {QEMU} (apt-get install qemu-user): no emulated processors.\n")
-            wanted = [each for each in wanted if not each.qemu_model]
+            wanted = [each for each in wanted if QEMU not in each.emulated]
         with ThreadPoolExecutor(args.jobs) as pool:
             list(pool.map(run_all, wanted))
     sys.stdout.write(write_table(digests, [each.name for each in wanted]) + "\n")
