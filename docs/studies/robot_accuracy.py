@@ -91,7 +91,7 @@ class FreeBody:
 
     def run(self, n_substeps: int, *, tick: int = 1) -> None:
         """Fly a number of sub-steps as one tick."""
-        done, unsound = run_substeps_inplace(
+        done, unsound, _ = run_substeps_inplace(
             0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, NOT_MEASURED,
             SceneArrays.of(self.scene.model, self.data), self.wind, np.zeros(3), 0.25,
         )  # fmt: skip

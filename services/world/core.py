@@ -430,13 +430,13 @@ class WorldCore:
         frame = self._wind.at(self._warm_up_s + seconds_from_ticks(tick - 1, self._tick_ns))
         i_substep, noted = 0, b""
         while i_substep < self._n_substeps:
-            i_substep, i_unsound = run_substeps_inplace(
+            i_substep, i_unsound, has_contacts = run_substeps_inplace(
                 i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self.states,
                 self._inertial, self._scene_arrays, frame, *self._wind_grid,
             )  # fmt: skip
             if i_unsound >= 0:
                 raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
-            if self.data.ncon:
+            if has_contacts and self.data.ncon:
                 noted = self._note_contacts(noted)
         for vehicle in self._vehicles:
             vehicle.end_tick(tick)

@@ -52,6 +52,8 @@ from gslcosim_services.world.rover_control import step_rover_inplace
 _MAX_POSITION_M = 1e5
 _MAX_SPEED_M_S = 200.0
 _MAX_RATE_RAD_S = 500.0
+# Slower than this a body does not turn, as in MuJoCo.
+_LEAST_RATE_RAD_S = 1e-15
 _mj_step = types.ExternalFunction("mujoco_mj_step", types.void(types.intp, types.intp))
 
 
@@ -251,6 +253,7 @@ class SceneArrays(NamedTuple):
         qpos: (n_qpos,) positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.
         qvel: (n_qvel,) velocities: xyz [m/s], world frame, and angular [rad/s], body frame, then wheels.
         qacc: (n_qvel,) accelerations, in the axes of qvel.
+        qacc_warmstart: (n_qvel,) accelerations with which MuJoCo begins to look for those of the next step.
         qfrc_applied: (n_qvel,) applied forces, in the axes of qvel [N, N m].
         qfrc_constraint: (n_qvel,) contact forces, in the axes of qvel [N, N m].
         sensordata: Sensors of touch [N].
@@ -264,6 +267,7 @@ class SceneArrays(NamedTuple):
     qpos: NDArray[np.float64]
     qvel: NDArray[np.float64]
     qacc: NDArray[np.float64]
+    qacc_warmstart: NDArray[np.float64]
     qfrc_applied: NDArray[np.float64]
     qfrc_constraint: NDArray[np.float64]
     sensordata: NDArray[np.float64]
@@ -278,8 +282,8 @@ class SceneArrays(NamedTuple):
         """Return the arrays of a scene whose fixed geoms are boxes along the axes of the world."""
         fixed = model.geom_bodyid == 0
         return cls(
-            data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata,
-            model.body_contype, model.body_conaffinity,
+            data.qpos, data.qvel, data.qacc, data.qacc_warmstart, data.qfrc_applied, data.qfrc_constraint,
+            data.sensordata, model.body_contype, model.body_conaffinity,
             np.stack([model.geom_pos[fixed], model.geom_size[fixed]], axis=1), model._address, data._address,
         )  # fmt: skip
 
@@ -287,6 +291,8 @@ class SceneArrays(NamedTuple):
 @numba.njit(cache=True, nogil=True)
 def mark_near_inplace(is_near, vehicles, qpos, obstacles_m):
     """Mark the vehicles that may touch something: a fixed box or another vehicle is in reach of one along all axes.
+
+    One that is no plain body is marked too: MuJoCo advances it.
 
     Args:
         is_near: (n,) written.
@@ -302,7 +308,7 @@ def mark_near_inplace(is_near, vehicles, qpos, obstacles_m):
         i_qpos = vehicles[k].i_qpos
         x, y, z, reach = qpos[i_qpos], qpos[i_qpos + 1], qpos[i_qpos + 2], vehicles[k].reach_m
         spheres[k, 0], spheres[k, 1], spheres[k, 2], spheres[k, 3] = x, y, z, reach
-        near = vehicles[k].has_wheels != 0
+        near = not vehicles[k].is_plain_body
         for i in range(obstacles_m.shape[0]):
             near |= (
                 abs(x - obstacles_m[i, 0, 0]) <= obstacles_m[i, 1, 0] + reach
@@ -319,8 +325,10 @@ def mark_near_inplace(is_near, vehicles, qpos, obstacles_m):
 
 # Looking for the contacts of what is far from all else takes MuJoCo longer than a step, and finds none.
 @numba.njit(cache=True, nogil=True)
-def _step_scene(is_near, vehicles, scene) -> None:
+def _step_near(is_near, vehicles, scene) -> bool:
     mark_near_inplace(is_near, vehicles, scene.qpos, scene.obstacles_m)
+    if not is_near.any():
+        return False
     contype, conaffinity = scene.contype, scene.conaffinity
     for k in range(vehicles.shape[0]):
         if not is_near[k]:
@@ -328,36 +336,75 @@ def _step_scene(is_near, vehicles, scene) -> None:
     _mj_step(scene.model_address, scene.data_address)
     for k in range(vehicles.shape[0]):
         contype[vehicles[k].i_body], conaffinity[vehicles[k].i_body] = vehicles[k].contype, vehicles[k].conaffinity
+    return True
 
 
 @numba.njit(cache=True, nogil=True)
-def turn_attitude_inplace(q, w, dt_s, turned):
-    """Write the attitude after a rotation at a constant rate, in place of MuJoCo's, whose sine is the C library's.
+def turn_attitude_inplace(q, w, dt_s):
+    """Turn an attitude at a constant rate.
 
-    q <- q (cos(|w| dt / 2), w / |w| sin(|w| dt / 2))
+    q <- q/|q| (cos(|w| dt / 2), w / |w| sin(|w| dt / 2))
 
     Args:
-        q: (4,) unit quaternion wxyz, body to world, before.
+        q: (4,) quaternion wxyz, body to world; turned.
         w: (3,) angular velocity, body frame [rad/s].
         dt_s: Time of the rotation [s].
-        turned: (4,) written: the quaternion after it.
 
     Source:
-        MuJoCo's `mju_quatIntegrate`.
+        MuJoCo's `mju_quatIntegrate`, whose sine is the C library's.
     Held by:
         tests/unit/services/world/test_world_core.py
     """
-    w_x, w_y, w_z = w[0], w[1], w[2]
-    rate = math.sqrt(w_x * w_x + w_y * w_y + w_z * w_z)
-    c, s = 1.0, 0.5 * dt_s
-    if rate > 0.0:
-        half = 0.5 * dt_s * rate
-        c, s = elementary.cos(half), elementary.sin(half) / rate
-    x, y, z = s * w_x, s * w_y, s * w_z
-    turned[0] = q[0] * c - q[1] * x - q[2] * y - q[3] * z
-    turned[1] = q[0] * x + q[1] * c + q[2] * z - q[3] * y
-    turned[2] = q[0] * y - q[1] * z + q[2] * c + q[3] * x
-    turned[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * c
+    x, y, z = w[0], w[1], w[2]
+    rate = math.sqrt(x * x + y * y + z * z)
+    if rate < _LEAST_RATE_RAD_S:
+        return
+    angle = 0.5 * dt_s * rate
+    s, c = elementary.sin(angle) / rate, elementary.cos(angle)
+    x, y, z = s * x, s * y, s * z
+    norm = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    d, e, f, g = q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm
+    q[0] = d * c - e * x - f * y - g * z
+    q[1] = d * x + e * c + f * z - g * y
+    q[2] = d * y - e * z + f * c + g * x
+    q[3] = d * z + e * y - f * x + g * c
+
+
+@numba.njit(cache=True, nogil=True)
+def advance_free_body_inplace(vehicle, p, v, a, force, dt_s):
+    """Advance a plain body by a semi-implicit Euler step, as MuJoCo does where nothing touches it.
+
+    a = F/m - g e3,  v <- v + dt a,  p <- p + dt v
+    alpha = J^-1 (tau - omega x J omega),  omega <- omega + dt alpha,  q <- q/|q| exp(dt omega/2)
+    [m/s^2] = [N]/[kg],  [m] = [s] [m/s],  [rad/s^2] = [N m]/[kg m^2]
+
+    Velocities advance first, and places with the new ones; the gyroscopic torque is that of the old rate.
+
+    Args:
+        a: (6,) written: acceleration, world frame [m/s^2], and angular acceleration, body frame [rad/s^2].
+        force: (6,) force, world frame [N], and torque, body frame [N m], about the centre of mass.
+
+    Source:
+        MuJoCo, doi:10.1109/IROS.2012.6386109, its integrator Euler for a free joint without damping, written anew from
+        its documentation.
+    Deviation:
+        The order of some products and sums, so it differs by rounding, and is the same on every processor.
+    Held by:
+        tests/unit/services/world/test_free_body.py (against MuJoCo, step by step)
+    """
+    J = vehicle.inertia_kg_m2
+    for axis in range(3):
+        a[axis] = force[axis] / vehicle.mass_kg
+    a[2] -= vehicle.gravity_m_s2
+    x, y, z = v[3], v[4], v[5]
+    a[3] = (force[3] - (J[2] - J[1]) * y * z) / J[0]
+    a[4] = (force[4] - (J[0] - J[2]) * z * x) / J[1]
+    a[5] = (force[5] - (J[1] - J[0]) * x * y) / J[2]
+    for axis in range(6):
+        v[axis] += dt_s * a[axis]
+    for axis in range(3):
+        p[axis] += dt_s * v[axis]
+    turn_attitude_inplace(p[3:7], v[3:6], dt_s)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -365,6 +412,9 @@ def run_substeps_inplace(
     first, n_substeps, tick, tick_s, vehicles, states, inertial, scene, wind_velocity_m_s, wind_origin_m, wind_cell_m
 ):
     """Run sub-steps of a tick until its end, the first contact, or the first unsound state.
+
+    MuJoCo's step is taken where a vehicle is near something, and counts for those that touch something or are no plain
+    bodies; all others are advanced by `advance_free_body_inplace`.
 
     Stopping at a contact lets the caller read MuJoCo's contact list, which is valid only until the next sub-step.
 
@@ -382,7 +432,7 @@ def run_substeps_inplace(
         wind_cell_m: Edge of the cells [m].
 
     Returns:
-        (next sub-step, index of the unsound vehicle or -1).
+        (next sub-step, index of the unsound vehicle or -1, whether MuJoCo's contact list is that of the last sub-step).
 
     Held by:
         tests/analytic/test_world_flight.py, tests/unit/services/world/test_world_core.py
@@ -391,14 +441,15 @@ def run_substeps_inplace(
     qpos, qvel, qacc = scene.qpos, scene.qvel, scene.qacc
     is_near = np.empty(n_vehicles, np.bool_)
     dt_s = tick_s / n_substeps
-    attitudes = np.empty((n_vehicles, 4))
+    poses, motions = np.empty((n_vehicles, 7)), np.empty((n_vehicles, 6))
+    is_stepped = False
     for i_substep in range(first, n_substeps):
         for k in range(n_vehicles):
             vehicle, state = vehicles[k], states[k]
             p, v = qpos[vehicle.i_qpos : vehicle.i_qpos + 7], qvel[vehicle.i_qvel : vehicle.i_qvel + 8]
             if not is_state_plausible(p, v):
-                return i_substep, k
-            attitudes[k] = p[3:7]
+                return i_substep, k, is_stepped
+            poses[k], motions[k] = p, v[:6]
             force = scene.qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
             t_s = path_time_s(state, tick, tick_s, i_substep, dt_s)
             if vehicle.has_rotors:
@@ -408,10 +459,20 @@ def run_substeps_inplace(
                 step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s)
             else:
                 step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s)
-        _step_scene(is_near, vehicles, scene)
+        is_stepped, is_any_touched = _step_near(is_near, vehicles, scene), False
         for k in range(n_vehicles):
-            i, j = vehicles[k].i_qpos + 3, vehicles[k].i_qvel + 3
-            turn_attitude_inplace(attitudes[k], qvel[j : j + 3], dt_s, qpos[i : i + 4])
+            vehicle = vehicles[k]
+            i, j = vehicle.i_qpos, vehicle.i_qvel
+            p, v, a = qpos[i : i + 7], qvel[j : j + 6], qacc[j : j + 6]
+            is_touched = is_near[k] and has_contact(vehicle, scene.qfrc_constraint, scene.sensordata)
+            is_any_touched |= is_touched
+            if vehicle.is_plain_body and not is_touched:
+                p[:], v[:] = poses[k], motions[k]
+                advance_free_body_inplace(vehicle, p, v, a, scene.qfrc_applied[j : j + 6], dt_s)
+                scene.qacc_warmstart[j : j + 3], scene.qacc_warmstart[j + 3 : j + 6] = a[:3], 0.0
+            else:
+                p[3:7] = poses[k, 3:7]
+                turn_attitude_inplace(p[3:7], v[3:6], dt_s)
         if inertial.shape[1]:
             for k in range(n_vehicles):
                 vehicle = vehicles[k]
@@ -419,11 +480,10 @@ def run_substeps_inplace(
                     vehicle, qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :], qacc[vehicle.i_qvel :],
                     inertial[k, i_substep],
                 )  # fmt: skip
-        for k in range(n_vehicles):
-            if has_contact(vehicles[k], scene.qfrc_constraint, scene.sensordata):
-                return i_substep + 1, -1
+        if is_any_touched:
+            return i_substep + 1, -1, True
     for k in range(n_vehicles):
         vehicle = vehicles[k]
         if not is_state_plausible(qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :]):
-            return n_substeps, k
-    return n_substeps, -1
+            return n_substeps, k, is_stepped
+    return n_substeps, -1, is_stepped

@@ -37,6 +37,7 @@ CONSTANTS = np.dtype(
         ("contype", np.int32),
         ("conaffinity", np.int32),
         ("reach_m", np.float64),  # nothing farther from its origin than this touches it, but for what is on wheels
+        ("is_plain_body", np.int64),  # see the function of that name
         ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as commanded and the air does not
         ("has_wheels", np.int64),
         ("mass_kg", np.float64),
@@ -171,6 +172,7 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
         model.body_conaffinity[body],
     )
     record["reach_m"] = _find_reach_m(model, body)
+    record["is_plain_body"] = is_plain_body(model, body)
     record["mass_kg"] = model.body_subtreemass[body]
     record["gravity_m_s2"] = -model.opt.gravity[2]
     record["inertia_kg_m2"] = model.body_inertia[body]
@@ -185,6 +187,20 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
         record["has_wheels"] = 1
         _set_parameters(record, vehicle.wheels)
         record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
+
+
+def is_plain_body(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether a body is a free one that `simulation_loop.advance_free_body_inplace` can advance as MuJoCo would.
+
+    Its centre of mass is its origin, its axes are those of its inertia, and nothing damps or loads its joint.
+    """
+    is_single = np.count_nonzero(model.body_rootid == body) == 1 and model.body_dofnum[body] == 6
+    is_centred = not model.body_ipos[body].any() and np.array_equal(model.body_iquat[body], (1.0, 0.0, 0.0, 0.0))
+    is_in_vacuum = model.opt.density == 0.0 and model.opt.viscosity == 0.0
+    axes = slice(model.body_dofadr[body], model.body_dofadr[body] + 6)
+    is_damped = model.dof_damping[axes].any() or model.dof_armature[axes].any() or model.body_gravcomp[body] != 0.0
+    is_of_euler = model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    return bool(is_single and is_centred and is_in_vacuum and is_of_euler and not is_damped)
 
 
 # From the body's origin to the farthest point of its geoms, those of wheels in any position, and their margins.

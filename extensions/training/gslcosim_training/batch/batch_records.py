@@ -318,6 +318,7 @@ WORK = np.dtype(
         ("ppm", np.int64),  # address of (n_places, MOST_GASES) float64
         ("rotation", np.float64, (9,)),  # of the vehicle
         ("force", np.float64, (6,)),  # on a rigid body: force, world frame [N], and torque, body frame [N m]
+        ("acceleration", np.float64, (6,)),  # of one, world frame [m/s^2] and body frame [rad/s^2]
         ("sample", np.float64, (SAMPLE_LENGTH,)),
         ("raw", np.float64, (MOST_VALUES,)),
         ("numbers", np.float64, (MOST_NUMBERS,)),

@@ -215,7 +215,7 @@ class _Preparing:
         vehicle = scene.constants
         reach_m = model.body.radius_m
         if model.rotors is not None and self._flying == RIGID:
-            if not scene.has_plain_body:
+            if not vehicle["is_plain_body"]:
                 raise UsageError(
                     f"{scenario.name}: agents[0].vehicle.model: expected one body with its centre of mass at its "
                     f"origin, flying {RIGID}, was {model.name}. Fly it {FIRST_ORDER}, or alone in gslcosim/Search-v0."

@@ -71,18 +71,6 @@ def find_hull_half_m(model: mujoco.MjModel) -> Vec3:
     return to_vec3(half_m)
 
 
-def is_plain_body(model: mujoco.MjModel) -> bool:
-    """Return whether a scene's vehicle is one free body that `rigid_body` can advance as MuJoCo would.
-
-    Its centre of mass is its origin, its axes are those of its inertia, and nothing damps or loads its joint.
-    """
-    is_single = model.nbody == 2 and model.nv == 6 and model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
-    is_centred = not model.body_ipos[-1].any() and np.array_equal(model.body_iquat[-1], (1.0, 0.0, 0.0, 0.0))
-    is_in_vacuum = model.opt.density == 0.0 and model.opt.viscosity == 0.0
-    is_damped = model.dof_damping.any() or model.dof_armature.any() or model.body_gravcomp.any()
-    return bool(is_single and is_centred and is_in_vacuum and not is_damped)
-
-
 class ContactScene:
     """Scene of one vehicle for the rest of a tick in which it touches something.
 
@@ -115,11 +103,6 @@ class ContactScene:
         """Half sizes of a box around the vehicle's parts, body frame, its centre the vehicle's [m]."""
         return find_hull_half_m(self._model)
 
-    @property
-    def has_plain_body(self) -> bool:
-        """True where the vehicle is one free body; see `is_plain_body`."""
-        return is_plain_body(self._model)
-
     def fly(
         self, first: int, tick: int, tick_s: float, begin_s: float, path: NDArray[np.void], search: Any
     ) -> ContactResult:
@@ -145,7 +128,7 @@ class ContactScene:
         wind_m_s = self._frames_m_s[self._wind.frame_at(begin_s)]
         i_substep, is_touched = first, False
         while i_substep < self._n_substeps:
-            i_substep, i_unsound = run_substeps_inplace(
+            i_substep, i_unsound, has_contacts = run_substeps_inplace(
                 i_substep, self._n_substeps, tick, tick_s, self._constants, path, _NO_INERTIAL, self._arrays,
                 wind_m_s, *self._wind_grid,
             )  # fmt: skip
@@ -154,5 +137,5 @@ class ContactScene:
                     f"batch: expected a finite, plausible state of a vehicle at tick {tick}, was position "
                     f"{to_vec3(data.qpos[:3])} m, velocity {to_vec3(data.qvel[:3])} m/s."
                 )
-            is_touched = is_touched or bool(data.ncon)
+            is_touched = is_touched or (has_contacts and bool(data.ncon))
         return ContactResult(pose=data.qpos.copy(), motion=data.qvel.copy(), is_touched=is_touched)

@@ -1,25 +1,24 @@
 # pyright: basic, reportCallIssue=false
 # ruff: noqa: ANN001, ANN201, N806 - kernels have no types, and symbols of equations
-"""Rigid body of a rotorcraft in free flight: a run's control, rotors and drag, and MuJoCo's step of one free body.
+"""Rigid body of a rotorcraft in free flight, with the control, rotors, drag and step of a run.
 
 Symbols: p, v position and velocity in the world frame; q the attitude; omega the angular velocity in the body frame.
 """
 
-import math
-
 import numpy as np
 
-from gslcosim.base import elementary
 from gslcosim.base.scalar_kernels import norm2
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.world.multirotor_control import rotation_from_quaternion
-from gslcosim_services.world.simulation_loop import is_state_plausible, path_time_s, step_rotorcraft_inplace
+from gslcosim_services.world.simulation_loop import (
+    advance_free_body_inplace,
+    is_state_plausible,
+    path_time_s,
+    step_rotorcraft_inplace,
+)
 from gslcosim_training.batch.free_space import array_at, may_touch, wind_address_at
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_training.batch.scalar_compilation import address_of
-
-# Slower than this a body does not turn, as MuJoCo has it [rad/s].
-_LEAST_RATE_RAD_S = 1e-15
 
 
 @reference_free_njit()
@@ -45,7 +44,7 @@ def fly_rigid_tick(search, path, vehicle, case, room, work, tick, begin_s):
     """
     p = array_at(address_of(search.position_m), 7, np.float64)
     v = array_at(address_of(search.velocity_m_s), 6, np.float64)
-    force, acceleration = work.force, search.acceleration_m_s2
+    force, acceleration = work.force, work.acceleration
     nx, ny, nz = room.wind_shape[1], room.wind_shape[2], room.wind_shape[3]
     wind = array_at(wind_address_at(room, begin_s), (nx, ny, nz, 3), np.float32)
     origin_m = (room.origin_m[0], room.origin_m[1], room.origin_m[2])
@@ -58,59 +57,9 @@ def fly_rigid_tick(search, path, vehicle, case, room, work, tick, begin_s):
         wind_u, wind_v, wind_w = trilinear_wind(wind, origin_m, room.cell_m, p[0], p[1], p[2])
         step_rotorcraft_inplace(vehicle, path, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w)
         advance_free_body_inplace(vehicle, p, v, acceleration, force, case.physics_step_s)
+        for axis in range(3):
+            search.acceleration_m_s2[axis] = acceleration[axis]
     return True
-
-
-@reference_free_njit()
-def advance_free_body_inplace(vehicle, p, v, a, force, dt_s):
-    """Advance a free rigid body by a semi-implicit Euler step, as MuJoCo does where nothing touches it.
-
-    a = F/m - g e3,  v <- v + dt a,  p <- p + dt v
-    omega <- omega + dt J^-1 (tau - omega x J omega),  q <- q/|q| exp(dt omega/2)
-    [m/s^2] = [N]/[kg],  [m] = [s] [m/s],  [rad/s] = [s] [N m]/[kg m^2]
-
-    Velocities advance first, and places with the new ones; the gyroscopic torque is that of the old rate.
-
-    Args:
-        vehicle: Record of `records.CONSTANTS`: mass, inertia about the body axes, gravity.
-        p: (7,) position, world frame [m], and attitude quaternion wxyz; advanced.
-        v: (6,) velocity, world frame [m/s], and angular velocity, body frame [rad/s]; advanced.
-        a: (3,) written: acceleration, world frame [m/s^2].
-        force: (6,) force, world frame [N], and torque, body frame [N m], about the centre of mass.
-        dt_s: Length of the step [s].
-
-    Source:
-        MuJoCo, doi:10.1109/IROS.2012.6386109, its integrator Euler for a free joint without damping, and its
-        `mju_quatIntegrate`, written anew from its documentation.
-    Deviation:
-        The order of some products and sums, so it differs by rounding. Contacts are left out.
-    Held by:
-        extensions/training/tests/unit/batch/test_rigid_body.py (against MuJoCo, step by step)
-    """
-    J = vehicle.inertia_kg_m2
-    for axis in range(3):
-        a[axis] = force[axis] / vehicle.mass_kg
-    a[2] -= vehicle.gravity_m_s2
-    for axis in range(3):
-        v[axis] += dt_s * a[axis]
-        p[axis] += dt_s * v[axis]
-    x, y, z = v[3], v[4], v[5]
-    v[3] = x + dt_s * ((force[3] - (J[2] - J[1]) * y * z) / J[0])
-    v[4] = y + dt_s * ((force[4] - (J[0] - J[2]) * z * x) / J[1])
-    v[5] = z + dt_s * ((force[5] - (J[1] - J[0]) * x * y) / J[2])
-    x, y, z = v[3], v[4], v[5]
-    rate = math.sqrt(x * x + y * y + z * z)
-    if rate < _LEAST_RATE_RAD_S:
-        return
-    angle = 0.5 * dt_s * rate
-    s, c = elementary.sin(angle) / rate, elementary.cos(angle)
-    x, y, z = s * x, s * y, s * z
-    norm = math.sqrt(p[3] * p[3] + p[4] * p[4] + p[5] * p[5] + p[6] * p[6])
-    d, e, f, g = p[3] / norm, p[4] / norm, p[5] / norm, p[6] / norm
-    p[3] = d * c - e * x - f * y - g * z
-    p[4] = d * x + e * c + f * z - g * y
-    p[5] = d * y - e * z + f * c + g * x
-    p[6] = d * z + e * y - f * x + g * c
 
 
 @reference_free_njit()

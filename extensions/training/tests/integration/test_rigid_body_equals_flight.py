@@ -8,6 +8,7 @@ from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.vehicles import get_vehicle
 from gslcosim_search.learned.encoding import ObservationVector, action_kind
+from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.vehicle_records import STATE
 from gslcosim_training.batch import BatchSearchEnv, contact_scene
 from gslcosim_training.batch.batch_records import SEARCH
@@ -142,7 +143,7 @@ def test_a_collision_ends_a_search_when_it_ends_a_single_run():
 
 
 def test_a_body_that_batches_cannot_advance_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(contact_scene, "is_plain_body", lambda model: False)
+    monkeypatch.setattr(vehicle_records, "is_plain_body", lambda model, body: False)
     task = LearningTask(scenario="tiny_room", overrides=overrides_for("iris"))
     with pytest.raises(UsageError) as caught:
         BatchSearchEnv([task.loaded(1)], 2, flying="rigid_body")
