@@ -7,27 +7,30 @@ import numpy as np
 
 from gslcosim.base.scalar_kernels import NORMAL_TAIL, tail_normal
 
-# So few numbers are searched faster as a list.
-_FEW = 16
+# So few numbers are drawn faster one by one than searched for tails.
+_FEW = 8
 
 
 class RandomStream(np.random.Generator):
     """A generator of numpy whose normal numbers have the same bits with every C library.
 
-    One in 4,000 lies beyond `NORMAL_TAIL`, where numpy takes the C library's logarithm: those are drawn again.
+    One in 4,000 lies beyond `NORMAL_TAIL`, where numpy takes the C library's logarithm: those are drawn again. An array
+    holds what as many single draws would give.
     """
 
-    def standard_normal(self, size: Any = None, dtype: Any = np.float64, out: Any = None) -> Any:
-        """Return numbers of the standard normal distribution, with the arguments of `numpy.random.Generator`."""
-        drawn: Any = super().standard_normal(size, dtype, out)
-        if size is None and out is None:
+    def standard_normal(self, size: Any = None, dtype: Any = np.float64) -> Any:  # type: ignore[override]
+        """Return numbers of the standard normal distribution, with arguments as in `numpy.random.Generator`."""
+        if size is None:
+            drawn: Any = super().standard_normal(None, dtype)
             return drawn if -NORMAL_TAIL < drawn < NORMAL_TAIL else self._draw_tail(drawn)
-        numbers = drawn.reshape(-1)
-        limit = float(numbers.dtype.type(NORMAL_TAIL))
-        if numbers.size > _FEW or max(map(abs, numbers.tolist()), default=0.0) >= limit:
-            for i in np.flatnonzero(np.abs(numbers) >= limit):
-                numbers[i] = self._draw_tail(numbers[i])
-        return drawn
+        n = size if isinstance(size, int) else math.prod(size)
+        if n > _FEW:
+            state = self.bit_generator.state
+            numbers: Any = super().standard_normal(size, dtype)
+            if np.abs(numbers).max() < NORMAL_TAIL:
+                return numbers
+            self.bit_generator.state = state
+        return np.array([self.standard_normal(None, dtype) for _ in range(n)], dtype).reshape(size)
 
     def _draw_tail(self, drawn: float) -> float:
         while not (beyond := tail_normal(self.random(), self.random())):

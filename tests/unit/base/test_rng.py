@@ -50,11 +50,14 @@ def test_tails_are_as_frequent_and_as_long_as_those_of_the_distribution(dtype):
         assert abs(np.count_nonzero(numbers >= limit) - expected) < 4.0 * math.sqrt(expected)
 
 
-def test_numbers_do_not_depend_on_how_many_are_drawn_at_once_where_no_tail_is_among_them():
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_arrays_hold_what_single_draws_give_tails_among_them(dtype):
     one, few, many = stream(2, "x"), stream(2, "x"), stream(2, "x")
-    drawn = [one.standard_normal() for _ in range(60)]
-    assert drawn == few.standard_normal((20, 3)).reshape(-1).tolist() == many.standard_normal(60).tolist()
-    assert max(map(abs, drawn)) < NORMAL_TAIL
+    drawn = [float(dtype(one.standard_normal(None, dtype))) for _ in range(30_000)]
+    assert np.concatenate([few.standard_normal((2, 3), dtype) for _ in range(5_000)]).reshape(-1).tolist() == drawn
+    assert many.standard_normal((10_000, 3), dtype).reshape(-1).tolist() == drawn
+    assert max(map(abs, drawn)) > NORMAL_TAIL
+    assert one.random() == few.random() == many.random()
 
 
 def test_tails_keep_the_sign_and_no_draw_of_the_c_library():

@@ -20,11 +20,12 @@ from gslcosim.base.scalar_kernels import NORMAL_TAIL, tail_normal
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 
 _INT32, _INT64, _DOUBLE, _POINTER = ir.IntType(32), ir.IntType(64), ir.DoubleType(), ir.PointerType()
-_NEXT_BITS, _NEXT_UNIFORM = "numpy_pcg64_next_uint64", "numpy_pcg64_next_double"
+_NEXT_BITS = "numpy_pcg64_next_uint64"
 # The order of `bitgen_t`, whose `next_raw` PCG64 shares with `next_uint64`.
-_NEXT = (_NEXT_BITS, "numpy_pcg64_next_uint32", _NEXT_UNIFORM, _NEXT_BITS)
+_NEXT = (_NEXT_BITS, "numpy_pcg64_next_uint32", "numpy_pcg64_next_double", _NEXT_BITS)
 _U = np.uint64
-_ONE, _ZERO, _16, _32, _63 = _U(1), _U(0), _U(16), _U(32), _U(63)
+_ONE, _ZERO, _11, _16, _32, _63 = _U(1), _U(0), _U(11), _U(16), _U(32), _U(63)
+_PER_TWO_53 = 1.0 / 9007199254740992.0
 _LOW = _U(0xFFFFFFFF)
 _INIT_A, _MULTIPLIER_A = _U(0x43B0D7E5), _U(0x931E8875)
 _INIT_B, _MULTIPLIER_B = _U(0x8B51F9DD), _U(0x58F38DED)
@@ -53,9 +54,9 @@ def _emit_call(context, builder, name, result_type, stream_type, stream, *argume
     copies = [cgutils.gep_inbounds(builder, state, 0, i) for i in range(4)]
     for word, copied in zip(words, copies, strict=True):
         builder.store(builder.load(word), copied)
-    # `pcg64_state`, which suffices for PCG64's own functions: where the state is, and half of a number that none draws.
+    # `pcg64_state`: where the state is, and half of a number that no distribution here draws.
     generator = cgutils.alloca_once_value(builder, cgutils.pack_struct(builder, (state, _INT32(0), _INT32(0))))
-    if name not in (_NEXT_BITS, _NEXT_UNIFORM):
+    if name != _NEXT_BITS:
         next_type = ir.FunctionType(_INT64, [_POINTER])
         functions = (cgutils.get_or_insert_function(builder.module, next_type, next_name) for next_name in _NEXT)
         generator = cgutils.alloca_once_value(builder, cgutils.pack_struct(builder, (generator, *functions)))
@@ -74,12 +75,10 @@ def _next_bits_inplace(typingctx, stream):
     return types.uint64(stream), codegen
 
 
-@intrinsic
-def _next_uniform_inplace(typingctx, stream):
-    def codegen(context, builder, signature, arguments):
-        return _emit_call(context, builder, _NEXT_UNIFORM, _DOUBLE, signature.args[0], *arguments)
-
-    return types.float64(stream), codegen
+@reference_free_njit(inline="always")
+def _next_uniform_inplace(stream):
+    # PCG64's own `next_double`.
+    return (_next_bits_inplace(stream) >> _11) * _PER_TWO_53
 
 
 @intrinsic
