@@ -171,7 +171,7 @@ def tumbling_drifts() -> tuple[float, float]:
     """Return how much angular momentum and energy of a body that tumbles freely for a second change, relatively."""
     body = FreeBody(closed_room())
     body.without_drag()
-    body.scene.model.opt.gravity[:] = 0.0
+    body.constants[0]["gravity_m_s2"] = 0.0
     body.data.qvel[3:6] = [1.0, 0.5, 2.0]
     momentum, energy_j = body.momentum_world(), body.spin_energy_j()
     body.run(250)
