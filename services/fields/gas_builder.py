@@ -6,9 +6,9 @@ from gslcosim_services.fields.filament.plume import WindAt
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block
-from gslcosim_services.fields.models import farrell, filament_gas
+from gslcosim_services.fields.models import filament_gas
 
-BUILT_IN_MODELS = (filament_gas, farrell)
+BUILT_IN_MODELS = (filament_gas,)
 """The modules that register the builders of gslcosim's own gas models."""
 
 

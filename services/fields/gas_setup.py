@@ -3,13 +3,9 @@
 from dataclasses import dataclass
 from functools import singledispatch
 
-import numpy as np
-
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.gases import air_density_mol_m3
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import GasSpec, SourceSpec
@@ -134,14 +130,3 @@ def mean_release_m3_s(source: SourceSpec, *, place: str = "release") -> float:
     share = {"variable": 0.5, "intermittent": spec.on_s / (spec.on_s + spec.off_s)}.get(spec.kind, 1.0)
     filament_m3 = filament_amount_mol(source.ppm, source.sigma_m) / air_density_mol_m3()
     return share * source.filaments_per_s * filament_m3
-
-
-# Horizontal, and the mean over the frames of the wind.
-def wind_at_first_source_m_s(scenario: Scenario, environment: Environment) -> Vec3:
-    """Return the room's horizontal wind [m/s] at the first source."""
-    grid = environment.grid
-    place = np.array([scenario.gas.sources[0].position_m], np.float64)
-    frames = environment.wind.velocity_m_s
-    winds = [trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, place)[0] for frame in frames]
-    x, y, _ = np.mean(winds, axis=0).tolist()
-    return (x, y, 0.0)

@@ -189,7 +189,8 @@ def write_scenario(folder: Path, key: str) -> Path:
     for part in path:
         inner = block.setdefault(part.removesuffix("[]"), {})
         block = inner[0] if part.endswith("[]") else inner
-    block[last] = {}
+    name, _, value = last.partition("=")
+    block[name] = value or {}
     file.write_text(json.dumps(values))
     return file
 

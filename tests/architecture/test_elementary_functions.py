@@ -15,7 +15,6 @@ ALLOWED = {
     "gslcosim/environment/picture.py": "draws",
     "gslcosim/environment/store.py": "asks only whether a sum of squares is finite",
     "gslcosim/vehicles/catalogue.py": "asks only for the rank of a matrix of whole parts",
-    "services/fields/models/farrell.py": "rounds a gain to a thousandth",
     "services/recorder": "shows what others have computed",
 }
 ELEMENTARY = frozenset(

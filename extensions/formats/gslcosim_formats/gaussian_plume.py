@@ -15,17 +15,19 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.scalar_kernels import norm2
 from gslcosim.base.spec import Positive, Spec
+from gslcosim.environment.grid_kernels import trilinear_wind_at_points
+from gslcosim.environment.model import Environment
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import GasSpec
+from gslcosim_formats.formula_fields import FormulaField, FormulaPlume
 from gslcosim_services.fields.gas_field import GasField
 from gslcosim_services.fields.gas_setup import (
     GasSetup,
     build_gas_field_from_block,
     list_gas_names,
     mean_release_m3_s,
-    wind_at_first_source_m_s,
 )
 from gslcosim_services.fields.mixing_ratio import check_points
-from gslcosim_services.fields.models.formula_fields import FormulaField, FormulaPlume
 
 StabilityClass = Literal["A", "B", "C", "D", "E", "F"]
 
@@ -101,7 +103,7 @@ def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tup
     Source:
         Briggs 1973, Diffusion estimation for small emissions, ATDL contribution 79, formulas for open country.
     Held by:
-        tests/unit/services/fields/models/test_gaussian_plume.py
+        extensions/formats/tests/unit/test_gaussian_plume.py
     """
     a, b, c, p = OPEN_COUNTRY[stability]
     return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * elementary.pow_each(
@@ -122,7 +124,7 @@ class GaussianPlume:
 
     Source: GSL-Bench thesis, eq. 5.1, with the image source of every textbook on air pollution.
     Left out: spread along the wind; walls; calm air (refused).
-    Held by: tests/unit/services/fields/models/test_gaussian_plume.py
+    Held by: extensions/formats/tests/unit/test_gaussian_plume.py
     """
 
     position_world_m: Vec3
@@ -176,7 +178,7 @@ class WanderingPath:
     rho = exp(-h / T). Between two of them the weights are scaled so that the variance is 1 at every time. The path
     depends on the stream alone, not on when it is asked.
 
-    Held by: tests/unit/services/fields/test_meandering_plume.py
+    Held by: extensions/formats/tests/unit/test_meandering_plume.py
     """
 
     def __init__(self, rng: np.random.Generator, correlation_s: float) -> None:
@@ -218,7 +220,7 @@ class MeanderingPlume:
     Source: Gifford 1959, Statistical properties of a fluctuating plume dispersion model, Advances in Geophysics 6.
     Deviation: the share f is the same at all distances; in the atmosphere it grows to 1 far away.
     Left out: fluctuation within the instantaneous plume.
-    Held by: tests/unit/services/fields/test_meandering_plume.py
+    Held by: extensions/formats/tests/unit/test_meandering_plume.py
     """
 
     mean: GaussianPlume
@@ -322,3 +324,13 @@ def build_mean_plumes(gas: FormulaGasSpec, setup: GasSetup) -> list[GaussianPlum
         )
         for i, source in enumerate(gas.sources)
     ]
+
+
+def wind_at_first_source_m_s(scenario: Scenario, environment: Environment) -> Vec3:
+    """Return the room's horizontal wind at the first source, the mean over its frames [m/s]."""
+    grid = environment.grid
+    place = np.array([scenario.gas.sources[0].position_m], np.float64)
+    frames = environment.wind.velocity_m_s
+    winds = [trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, place)[0] for frame in frames]
+    x, y, _ = np.mean(winds, axis=0).tolist()
+    return (x, y, 0.0)

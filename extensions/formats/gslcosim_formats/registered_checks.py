@@ -10,4 +10,12 @@ CHECKS = (
         finder="gslcosim_formats.stored_gas.model:find_stored_gas_problems",
         is_needed=lambda scenario: scenario.gas.stored_folder is not None,
     ),
+    Check(
+        name="gusts",
+        of="scenario",
+        subject="room",
+        finder="gslcosim_formats.farrell:find_gust_warnings",
+        is_needed=lambda scenario: scenario.gas.model == "farrell",
+        is_warning=True,
+    ),
 )

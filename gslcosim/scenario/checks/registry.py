@@ -18,7 +18,7 @@ from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.extensions import CHECKS_GROUP, instance_of, list_registered, load_registered, tuple_of
 from gslcosim.base.problems import Problem
 from gslcosim.methods.card import CARD_FILE
-from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
+from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
 Subject = Literal["room", "agents", "services", "machine"]
@@ -155,13 +155,6 @@ _SCENARIO_CHECKS = (
         subject="room",
         finder="gslcosim_services.fields.turbulence.air:find_eddy_warnings",
         is_needed=_has_given_eddies,
-        is_warning=True,
-    ),
-    Check(
-        name="gusts",
-        subject="room",
-        finder="gslcosim_services.fields.models.farrell:find_gust_warnings",
-        is_needed=lambda scenario: isinstance(scenario.gas, FarrellGasSpec),
         is_warning=True,
     ),
     Check(name="methods", subject="agents", finder="gslcosim_services.sensing.briefing:find_method_problems"),

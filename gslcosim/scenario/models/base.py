@@ -213,7 +213,7 @@ class KindedSpec(Spec):
         return str(getattr(self, self.tag_key))
 
     def useless_keys(self) -> dict[str, str]:
-        """Return the keys without a meaning in this block, each with its home: `model: farrell`."""
+        """Return the keys without a meaning in this block, each with its home: `model: filament`."""
         return {
             key: f"{self.tag_key}: {', '.join(kinds)}"
             for key, kinds in self.belongs.items()

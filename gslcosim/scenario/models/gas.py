@@ -136,24 +136,6 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
     return {**gases.GASES, **defined}
 
 
-class FarrellSpec(Spec):
-    """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side.
-
-    The corners' gusts are so strong that the middle has `gust_std_m_s`: about twice as strong, and at most four times.
-    """
-
-    wind_m_s: Vec3 | None = Field(default=None, description="mean wind (absent: wind of the room at the first source)")
-    gust_std_m_s: NonNegative = Field(
-        default=0.25, description="standard deviation of the wind along each axis in the middle of the field"
-    )
-    gust_period_s: Positive = Field(default=30.0, description="period of the gusts")
-    gust_damping: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1, description="damping ratio of the gusts")
-    eddy_viscosity_m2_s: NonNegative = Field(
-        default=10.0, description="eddy viscosity, which spreads gusts through the field"
-    )
-    n_nodes: Annotated[int, Field(ge=3, le=200)] = Field(default=21, description="nodes of the wind grid per side")
-
-
 class TurbulenceSpec(KindedSpec):
     """Turbulence that moves and spreads filaments, and that instruments sense.
 
@@ -250,6 +232,8 @@ class FilamentsSpec(GasSpec):
     """
 
     has_filaments: ClassVar[bool] = True
+    is_in_open_air: ClassVar[bool] = False
+    """Whether the air goes on beyond the room's sides and top, in a wind of the gas's own."""
 
     growth_m2_s: NonNegative = Field(default=0.001, description="growth of the variance of a filament")
     eddy_diffusivity_m2_s: NonNegative = Field(default=0.002, description="diffusivity of the random walk, per axis")
@@ -292,16 +276,7 @@ class FilamentGasSpec(FilamentsSpec):
     model: Literal["filament"] = Field(default="filament", description="gas model")  # pyright: ignore
 
 
-class FarrellGasSpec(FilamentsSpec):
-    """Filaments in Farrell's open field."""
-
-    model: Literal["farrell"] = Field(default="farrell", description="gas model")  # pyright: ignore
-    farrell: FarrellSpec = Field(default=FarrellSpec(), description="wind of the open field")
-
-
-GAS_MODELS: dict[str, type[GasSpec]] = {
-    str(block.model_fields["model"].default): block for block in (FilamentGasSpec, FarrellGasSpec)
-}
+GAS_MODELS: dict[str, type[GasSpec]] = {"filament": FilamentGasSpec}
 """The block of each of gslcosim's own gas models."""
 
 GAS_KINDS = OneOf(

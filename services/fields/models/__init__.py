@@ -1,1 +1,1 @@
-"""Gas models of a scenario: filaments and Farrell's open field."""
+"""Gas models of a scenario: filaments."""

@@ -17,7 +17,7 @@ from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, G
 from gslcosim.environment.openings import cells_at
 from gslcosim.environment.positions import read_room
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
+from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim_services.fields.turbulence.eddies import EddyScales, largest_spacing_m, potential_amplitude_m2_s
 from gslcosim_services.fields.turbulence.grid_filters import distance_to, find_nearest, smooth_gaussian
 
@@ -242,10 +242,11 @@ def find_eddy_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
         directory: The scenario's folder, where relative paths start.
     """
     room = read_room(scenario.environment, scenario.wind, directory)
-    turbulence = scenario.gas.turbulence if isinstance(scenario.gas, FilamentsSpec) else None
-    if room is None or turbulence is None:
+    gas = scenario.gas
+    turbulence = gas.turbulence if isinstance(gas, FilamentsSpec) else None
+    if room is None or not isinstance(gas, FilamentsSpec) or turbulence is None:
         return []
-    longest_m = longest_eddies_m(room.grid, _GROUND if isinstance(scenario.gas, FarrellGasSpec) else find_walls(room))
+    longest_m = longest_eddies_m(room.grid, _GROUND if gas.is_in_open_air else find_walls(room))
     if turbulence.length_m <= longest_m:
         return []
     return [

@@ -20,10 +20,9 @@ def test_every_setting_has_a_meaning(kind):
 
 
 def test_unit_and_default_are_those_of_the_block():
-    settings = list_settings(GAS_MODELS["farrell"], kind="farrell")
-    assert SettingRow(
-        key="farrell.gust_period_s", unit="seconds", default="30", meaning="period of the gusts"
-    ) in settings  # fmt: skip
+    settings = list_settings(GAS_MODELS["filament"], kind="filament")
+    meaning = "integral length, about that of the largest eddies"
+    assert SettingRow(key="turbulence.length_m", unit="metres", default="2", meaning=meaning) in settings
 
 
 def test_settings_of_other_kinds_with_the_same_block_are_left_out():

@@ -16,13 +16,13 @@ from gslcosim.base.spec import Positive, Spec
 from gslcosim.environment.model import Grid, point_text
 from gslcosim.scenario.models.gas import GasSpec
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim_formats.formula_fields import TimedField
 from gslcosim_formats.stored_gas.frame_formats import GasFrame
 from gslcosim_formats.stored_gas.playback import MOVIE_SUFFIX, GasMovie, GasPlayback, default_period_s, values_in_cells
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.gas_field import NO_FILAMENTS, GasField, PointGrid, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block, list_gas_names
 from gslcosim_services.fields.mixing_ratio import Walls, check_points, mixing_ratio_ppm_on_grid
-from gslcosim_services.fields.models.formula_fields import TimedField
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 # Heads of stored frames name a source to a few decimetres (GSL-Bench's 004 and 006 are 0.2 m off).

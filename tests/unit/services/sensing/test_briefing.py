@@ -5,7 +5,7 @@ import pytest
 from built_scenarios import build_agent, build_scenario
 
 from gslcosim.contract.messages import KnownMap, Task
-from gslcosim.scenario.models.gas import FarrellGasSpec
+from gslcosim.scenario.models.gas import GasSpec
 from gslcosim.scenario.models.scenario import RefereeSpec
 from gslcosim_services.sensing.briefing import build_briefing, build_known_map, build_nominal_plume, build_task
 
@@ -74,7 +74,7 @@ def test_the_nominal_plume_holds_the_amount_of_its_filaments(scenario_with):
 
 def test_a_plume_without_filaments_is_reported_with_the_spread_of_usual_ones(scenario_with):
     scenario = scenario_with({"plume": True})
-    gas = FarrellGasSpec(sources=scenario.gas.sources)
+    gas = GasSpec(model="formula", sources=scenario.gas.sources)
     assert build_nominal_plume(scenario.model_copy(update={"gas": gas})) == build_nominal_plume(scenario)
 
 

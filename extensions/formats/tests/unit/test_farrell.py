@@ -5,7 +5,7 @@ import pytest
 
 from gslcosim.environment.model import Cell, Grid
 from gslcosim.scenario.loader import load_scenario
-from gslcosim_services.fields.models.farrell import (
+from gslcosim_formats.farrell import (
     FarrellWind,
     Gusts,
     advance_wind_inplace,

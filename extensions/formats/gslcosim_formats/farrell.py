@@ -6,25 +6,30 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from gslcosim.base import elementary
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.scalar_kernels import norm2
+from gslcosim.base.spec import Positive, Spec
 from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim.environment.positions import read_room
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas import FarrellGasSpec
+from gslcosim.scenario.models.base import NonNegative
+from gslcosim.scenario.models.gas import FilamentsSpec
+from gslcosim_formats.gaussian_plume import wind_at_first_source_m_s
 from gslcosim_services.fields.filament.downwash import Jets
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments
 from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_field import GasField, Visibility
-from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block, wind_at_first_source_m_s
+from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block
 from gslcosim_services.fields.mixing_ratio import Walls
 from gslcosim_services.fields.models.filament_gas import build_gas_model, build_point_turbulence, build_wall_images
 
@@ -35,6 +40,33 @@ _MAX_GUST_STD = 6.0
 # Nodes along each side, and frequencies, in the computation of the gain in the middle.
 _GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
 _LEAST_GAIN = 0.25
+
+
+class FarrellSpec(Spec):
+    """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side.
+
+    The corners' gusts are so strong that the middle has `gust_std_m_s`: about twice as strong, and at most four times.
+    """
+
+    wind_m_s: Vec3 | None = Field(default=None, description="mean wind (absent: wind of the room at the first source)")
+    gust_std_m_s: NonNegative = Field(
+        default=0.25, description="standard deviation of the wind along each axis in the middle of the field"
+    )
+    gust_period_s: Positive = Field(default=30.0, description="period of the gusts")
+    gust_damping: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1, description="damping ratio of the gusts")
+    eddy_viscosity_m2_s: NonNegative = Field(
+        default=10.0, description="eddy viscosity, which spreads gusts through the field"
+    )
+    n_nodes: Annotated[int, Field(ge=3, le=200)] = Field(default=21, description="nodes of the wind grid per side")
+
+
+class FarrellGasSpec(FilamentsSpec):
+    """Filaments in Farrell's open field."""
+
+    is_in_open_air: ClassVar[bool] = True
+
+    model: Literal["farrell"] = Field(default="farrell", description="gas model")  # pyright: ignore
+    farrell: FarrellSpec = Field(default=FarrellSpec(), description="wind of the open field")
 
 
 @numba.njit(cache=True, nogil=True)
@@ -79,7 +111,7 @@ def advance_wind_inplace(wind_m_s, spare_m_s, dx_m, dy_m, viscosity_m2_s, dt_s, 
         spare_m_s: (nx, ny, 2) working memory.
         dx_m, dy_m: Distance of nodes along x, y [m].
         viscosity_m2_s: Eddy viscosity nu, half of Farrell's K [m2/s].
-        dt_s: Step [s]; stable below `gslcosim_services.fields.models.farrell.stable_step_s`.
+        dt_s: Step [s]; stable below `stable_step_s`.
         n_steps: How many.
 
     Source:
@@ -87,7 +119,7 @@ def advance_wind_inplace(wind_m_s, spare_m_s, dx_m, dy_m, viscosity_m2_s, dt_s, 
     Deviation:
         Upwind instead of central differences: stable without diffusion.
     Held by:
-        tests/unit/services/fields/models/test_farrell.py (decay of a sine, constants stay, box of two side lengths)
+        extensions/formats/tests/unit/test_farrell.py (decay of a sine, constants stay, box of two side lengths)
     """
     nx, ny, _ = wind_m_s.shape
     for _ in range(n_steps):
@@ -219,7 +251,7 @@ def exact_gust_step(gusts: Gusts, dt_s: float) -> tuple[NDArray[np.float64], NDA
         Our derivation from the equation of pompy's ColouredNoiseGenerator. Its noise is multiplied by dt and so depends
         on the step; here the standard deviation is given, for steps of any length.
     Held by:
-        tests/unit/services/fields/models/test_farrell.py (two half steps are a whole one; variance stays)
+        extensions/formats/tests/unit/test_farrell.py (two half steps are a whole one; variance stays)
     """
     w, z = 2.0 * math.pi / gusts.period_s, gusts.damping
     w_d = w * math.sqrt(1.0 - z * z)
@@ -256,7 +288,7 @@ def find_middle_gain(
     middle; below a quarter the result is a quarter, as stronger gusts at the corners would carry the wind themselves.
 
     Source: Our derivation, for gusts that are weak beside the mean wind.
-    Held by: tests/unit/services/fields/models/test_farrell.py (standard deviation of the wind in the middle)
+    Held by: extensions/formats/tests/unit/test_farrell.py (standard deviation of the wind in the middle)
     """
     n, unit = _GAIN_NODES, np.eye(_GAIN_NODES)
     terms: list[NDArray[np.float64]] = []
@@ -334,7 +366,7 @@ class FarrellWind:
     on by its own clock of 10 ms, from its own stream, independent of its readers.
 
     Source: Farrell et al. 2002, Filament-based atmospheric dispersion model, doi:10.1023/A:1016283702837.
-    Held by: tests/unit/services/fields/models/test_farrell.py
+    Held by: extensions/formats/tests/unit/test_farrell.py
     """
 
     def __init__(self, grid: Grid, *, mean_m_s: Vec3, gusts: Gusts, viscosity_m2_s: float, n_nodes: int) -> None:
