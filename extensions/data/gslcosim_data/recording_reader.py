@@ -12,7 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import RecordingError
-from gslcosim.recordings.chunks import describe_broken_recording, read_chunks
+from gslcosim_data.chunks import describe_broken_recording, read_chunks
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE

@@ -1,15 +1,16 @@
-"""`gslcosim view`: a recording or an environment in the viewer or as a picture, and the viewer of live runs."""
+"""`gslcosim view`: a recording in the viewer or as a picture, and the viewer of live runs."""
 
 import argparse
 import contextlib
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, RecordingError, UsageError
-from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, build_number_parser, find_in_run
+from gslcosim.base.extensions import find_remedy
+from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.run_output import Report
 from gslcosim.cli.terminal import write, write_note
 
@@ -151,17 +152,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="size of the image (default: 1600x1000)"
     )
-    parser.add_argument(
-        "--at",
-        type=build_number_parser("a simulated time in seconds", lambda time_s: 0 <= time_s < 1e9),
-        metavar="S",
-        help="open one run at a simulated time and play from there; an image shows that time",
-    )
-    parser.add_argument(
-        "--align",
-        choices=("sim_time", "first_contact"),
-        help=("common time axis of several runs: simulated time (default), or time since the first contact with gas"),
-    )
     add_runs_dir_option(parser)
 
 
@@ -172,52 +162,30 @@ def _size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
+def is_environment(runs: Sequence[str]) -> bool:
+    """Return whether the first of the words for runs is the folder of an environment."""
+    return bool(runs) and (Path(runs[0]) / ENVIRONMENT_HEADER).is_file()
+
+
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.recordings.viewer import open_viewer, screenshot
 
-    with _recording(arguments) as recording:
-        if arguments.screenshot:
-            screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
-            write(str(arguments.screenshot))
-        elif arguments.web:
-            serve_until_closed(recording)
-        else:
-            open_viewer(recording)
-    return 0
-
-
-# An environment's recording exists only while it is shown.
-@contextlib.contextmanager
-def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
+    if len(arguments.runs) > 1 or is_environment(arguments.runs):
+        remedy = find_remedy("commands", "view --align") or ""
+        raise UsageError(
+            f"gslcosim view: expected one run without an extension that shows more, was {' '.join(arguments.runs)}. "
+            f"{remedy}"
+        )
     run = arguments.runs[0] if arguments.runs else None
-    is_environment = run is not None and (Path(run) / ENVIRONMENT_HEADER).is_file()
-    if arguments.align is not None and len(arguments.runs) < 2:
-        raise UsageError("gslcosim view: expected --align with several runs.")
-    if arguments.at is not None and (len(arguments.runs) > 1 or is_environment):
-        raise UsageError("gslcosim view: expected --at with one run.")
-    if len(arguments.runs) < 2 and not is_environment and arguments.at is None:
-        yield find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
-        return
-    from gslcosim.base.files import ScratchFolder
-
-    with ScratchFolder() as scratch:
-        path = scratch.path / RECORDING
-        if arguments.at is not None:
-            from gslcosim.cli.run_views import record_run_at
-
-            recording = find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
-            record_run_at(recording, path, arguments.at, is_still=arguments.screenshot is not None)
-        elif len(arguments.runs) > 1:
-            from gslcosim.cli.run_views import record_runs
-
-            recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
-            record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
-        else:
-            from gslcosim.environment.store import load_environment
-            from gslcosim.recordings.environment_view import record_environment
-
-            record_environment(load_environment(Path(arguments.runs[0]), with_meshes=True), path)
-        yield path
+    recording = find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
+    if arguments.screenshot:
+        screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
+        write(str(arguments.screenshot))
+    elif arguments.web:
+        serve_until_closed(recording)
+    else:
+        open_viewer(recording)
+    return 0
 
 
 COMMAND = Command(

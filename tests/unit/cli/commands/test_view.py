@@ -5,6 +5,8 @@ from types import ModuleType
 
 import pytest
 
+from gslcosim.base import extensions
+from gslcosim.cli import arguments
 from gslcosim.cli.main import main
 
 
@@ -50,16 +52,12 @@ def test_without_a_run_there_is_a_remedy(viewer, tmp_path, capsys):
     assert "Fly one: gslcosim up warehouse_empty" in capsys.readouterr().err
 
 
-def test_the_folder_of_an_environment_is_shown_without_a_run(viewer, tmp_path, monkeypatch):
-    """Its recording is there while it is looked at, and gone afterwards."""
-    assert main(["environment", "generate", "tiny_room", "--out", str(tmp_path / "room")]) == 0
-    sizes = []
-    monkeypatch.setattr(
-        sys.modules["gslcosim.recordings.viewer"],
-        "open_viewer",
-        lambda path: sizes.append((path, path.stat().st_size)),
-    )
-    assert main(["view", str(tmp_path / "room")]) == 0
-    ((path, size),) = sizes
-    assert size > 10_000
-    assert not path.exists()
+def test_more_than_a_run_is_refused_without_an_extension_that_shows_it(viewer, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(arguments, "load_options", lambda path: iter(()))
+    monkeypatch.setattr(extensions, "list_registrations", tuple)
+    (tmp_path / "environment.yaml").touch()
+    for runs in (["a", "b"], [str(tmp_path)]):
+        assert main(["view", *runs]) == 2
+        assert "expected one run without an extension that shows more" in (text := capsys.readouterr().err)
+        assert "It is in the extension data, which is not installed" in text
+    assert viewer == []

@@ -10,10 +10,10 @@ from scripted_flight import scenario
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import VisualMesh
 from gslcosim.environment.store import MESHES_FILE, load_environment, save_environment
-from gslcosim.recordings.environment_view import record_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core
 from gslcosim.runtime.setup import RunSetup
+from gslcosim_data.environment_view import record_environment
 from gslcosim_services.recorder.scene import MESH_ALPHA, SHELL_ALPHA
 
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))

@@ -18,8 +18,8 @@ from gslcosim.base.method_names import ATTACHED
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.environment.model import Environment
-from gslcosim.recordings.chunks import read_chunks
 from gslcosim.scenario import Scenario
+from gslcosim_data.chunks import read_chunks
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder import stream_table as streams
 from gslcosim_services.recorder.agent_look import draw_agent, draw_belief_curves

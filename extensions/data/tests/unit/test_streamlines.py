@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.recordings.environment_view import streamlines
+from gslcosim_data.environment_view import streamlines
 
 CRATE = ("crate", (5.0, 4.0, 0.0), (6.0, 6.0, 6.0))
 

@@ -1,6 +1,6 @@
 """An environment as a recording: everything of it is there, and equal environments give equal files."""
 
-from gslcosim.recordings.environment_view import record_environment
+from gslcosim_data.environment_view import record_environment
 
 CRATE = ("crate", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
 

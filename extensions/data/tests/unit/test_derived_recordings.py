@@ -7,7 +7,7 @@ from scripted_flight import ScriptedFlight
 from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RefereeEvent
-from gslcosim.recordings.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
+from gslcosim_data.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
 from gslcosim_data.recording_reader import RecordingReader
 
 N_TICKS = 60

@@ -7,9 +7,9 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.cli.arguments import DIGEST
 from gslcosim.environment.store import load_environment
-from gslcosim.recordings.derived_recordings import Divergence, RecordedRun, record_from_tick, record_side_by_side
 from gslcosim.runtime.replay.compare import RunComparison
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
+from gslcosim_data.derived_recordings import Divergence, RecordedRun, record_from_tick, record_side_by_side
 
 
 def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:

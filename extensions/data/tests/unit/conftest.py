@@ -1,0 +1,2 @@
+from recorded_flights import record as record
+from recorded_flights import rows_of as rows_of
