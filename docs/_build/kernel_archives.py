@@ -4,13 +4,15 @@ Each level has a cache of its own, in which the kernels of all bundled scenarios
 so a level that this processor lacks is left out, with a line that says so.
 """
 
+import io
 import os
 import subprocess
 import sys
+import tarfile
 import tempfile
 from pathlib import Path
 
-from gslcosim.base.kernel_archives import pack_archives
+from gslcosim.base import kernel_archives as archives
 from gslcosim.base.kernel_cache import (
     EXTENSIONS_VARIABLE,
     NUMBA_VARIABLE,
@@ -18,6 +20,8 @@ from gslcosim.base.kernel_cache import (
     PROCESSOR_LEVELS,
     PROCESSOR_VARIABLE,
     build_processor_variables,
+    get_extensions_hash,
+    read_signed,
 )
 
 OURS = (NUMBA_VARIABLE, OWNER_VARIABLE, EXTENSIONS_VARIABLE)
@@ -32,15 +36,41 @@ def build_archives(level: str) -> None:
             subprocess.run([sys.executable, *command], env=variables, check=True)
 
 
-def pack() -> None:
-    """Write the archive of each package that has kernels, and print its size."""
-    for archive in pack_archives():
-        print(f"{archive.relative_to(Path.cwd())}: {archive.stat().st_size / 1e6:.2f} MB")
+def pack() -> list[Path]:
+    """Write the archive of each package that has kernels from what the cache has of them, and return all.
+
+    Other archives for this Python and this level of processors are removed.
+    """
+    return [_pack(package) for package in archives.list_packages()]
+
+
+def _pack(package: str) -> Path:
+    folder, archive = Path(os.environ[NUMBA_VARIABLE]), archives.get_archive_path(package)
+    files = [path for path in sorted(folder.glob("*/*.nb[ic]")) if _is_of(package, path.parent.name)]
+    _, _, kind = archive.name.partition(sys.implementation.cache_tag or "")
+    for old in archive.parent.glob(f"*{sys.implementation.cache_tag}{kind}"):
+        old.unlink()
+    archive.parent.mkdir(exist_ok=True)
+    with tarfile.open(archive, "w:xz") as members:
+        for path in files:
+            if (body := read_signed(str(path))) is not None:
+                member = tarfile.TarInfo(str(path.relative_to(folder)))
+                member.size = len(body)
+                members.addfile(member, io.BytesIO(body))
+    return archive
+
+
+def _is_of(package: str, folder_name: str) -> bool:
+    # As `get_kernels_folder_name` names it: PACKAGE.PART, with _HASH for an extension.
+    ending = get_extensions_hash(package)
+    plain = folder_name.removesuffix(f"_{ending}") if ending else folder_name
+    return plain.split(".")[0] == package and (not ending or plain != folder_name)
 
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["pack"]:
-        pack()
+        for packed in pack():
+            print(f"{packed.relative_to(Path.cwd())}: {packed.stat().st_size / 1e6:.2f} MB")
     else:
         levels = list(PROCESSOR_LEVELS)
         here = levels.index(os.environ[PROCESSOR_VARIABLE]) if os.environ.get(PROCESSOR_VARIABLE) in levels else -1

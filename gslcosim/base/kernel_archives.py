@@ -1,4 +1,4 @@
-"""Archives of compiled kernels in our packages: made when a wheel is built, moved into the cache on first use.
+"""Archives of compiled kernels in our packages: made by `make dist`, moved into the cache on first use.
 
 An archive has the files of one package for one version of Python and one level of processors. Its name has the
 hash of the kernels, so that a package whose code was changed since has none. Its contents are not signed: it is as
@@ -6,7 +6,6 @@ trustworthy as the code beside it.
 """
 
 import contextlib
-import io
 import os
 import sys
 import tarfile
@@ -21,7 +20,6 @@ from gslcosim.base.kernel_cache import (
     get_extensions_hash,
     get_mark_path,
     is_trusted,
-    read_signed,
     write_signed,
 )
 
@@ -38,7 +36,7 @@ def get_archive_path(package: str) -> Path:
 
 def has_all_archives() -> bool:
     """Return whether the kernels of all our packages that have some came from archives."""
-    return all(_get_mark(package).exists() for package in _list_packages())
+    return all(_get_mark(package).exists() for package in list_packages())
 
 
 def unpack_archives() -> None:
@@ -46,7 +44,7 @@ def unpack_archives() -> None:
 
     Kernels that are there already stay. A cache that cannot be written is left as it is.
     """
-    for package in _list_packages():
+    for package in list_packages():
         archive, mark = get_archive_path(package), _get_mark(package)
         if not archive.is_file() or mark.exists():
             continue
@@ -58,7 +56,8 @@ def unpack_archives() -> None:
                     mark.touch()
 
 
-def _list_packages() -> list[str]:
+def list_packages() -> list[str]:
+    """Return the names of our packages that have kernels."""
     extensions = find_extension_packages()
     return [name for name in get_code_roots() if name not in extensions or get_extensions_hash(name)]
 
@@ -75,34 +74,3 @@ def _unpack(archive: Path, folder: Path) -> None:
                 continue
             place.parent.mkdir(exist_ok=True)
             write_signed(str(place), content.read())
-
-
-def pack_archives() -> list[Path]:
-    """Write the archive of each of our packages with kernels from what the cache has of them, and return all.
-
-    Other archives for this Python and this level of processors are removed.
-    """
-    return [_pack(package) for package in _list_packages()]
-
-
-def _pack(package: str) -> Path:
-    folder, archive = Path(os.environ[NUMBA_VARIABLE]), get_archive_path(package)
-    files = [path for path in sorted(folder.glob("*/*.nb[ic]")) if _is_of(package, path.parent.name)]
-    _, _, kind = archive.name.partition(sys.implementation.cache_tag or "")
-    for old in archive.parent.glob(f"*{sys.implementation.cache_tag}{kind}"):
-        old.unlink()
-    archive.parent.mkdir(exist_ok=True)
-    with tarfile.open(archive, "w:xz") as members:
-        for path in files:
-            if (body := read_signed(str(path))) is not None:
-                member = tarfile.TarInfo(str(path.relative_to(folder)))
-                member.size = len(body)
-                members.addfile(member, io.BytesIO(body))
-    return archive
-
-
-def _is_of(package: str, folder_name: str) -> bool:
-    # As `get_kernels_folder_name` names it: PACKAGE.PART, with _HASH for an extension.
-    ending = get_extensions_hash(package)
-    plain = folder_name.removesuffix(f"_{ending}") if ending else folder_name
-    return plain.split(".")[0] == package and (not ending or plain != folder_name)

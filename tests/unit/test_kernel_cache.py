@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from kernel_archives import pack
 
 from gslcosim.base import kernel_archives
 from gslcosim.base.kernel_cache import (
@@ -145,7 +146,7 @@ def test_kernels_of_an_archive_are_signed_and_loaded_elsewhere(tmp_path, monkeyp
     archive = tmp_path / "kernels.tar.xz"
     monkeypatch.setattr(kernel_archives, "get_archive_path", lambda _: archive)
     monkeypatch.setattr(kernel_archives, "get_code_roots", lambda: {"gslcosim": PACKAGE_DIR})
-    assert kernel_archives.pack_archives() == [archive]
+    assert pack() == [archive]
     there = tmp_path / "numba" / here.name
     monkeypatch.setenv(NUMBA_VARIABLE, str(there))
     assert not kernel_archives.has_all_archives()
