@@ -36,14 +36,11 @@ from gslcosim.cli.commands import (
     compare,
     completion,
     doctor,
-    fork,
     join,
     list_,
     monitor,
     replay,
     runs,
-    schema,
-    step,
     up,
     validate,
     view,
@@ -72,12 +69,12 @@ RUNS = CommandFamily(
 CORE_GROUPS = (
     CommandGroup(
         title="run",
-        commands=(up.UP, step.COMMAND, join.COMMAND, validate.COMMAND, replay.COMMAND, fork.COMMAND),
+        commands=(up.UP, join.COMMAND, validate.COMMAND, replay.COMMAND),
     ),
     CommandGroup(title="look", commands=(list_.COMMAND, RUNS, view.COMMAND, compare.COMMAND)),
     CommandGroup(title="compare methods", commands=()),
     CommandGroup(title="environments", commands=()),
-    CommandGroup(title="extend", commands=(schema.COMMAND,)),
+    CommandGroup(title="extend", commands=()),
     CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )
 

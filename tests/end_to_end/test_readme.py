@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
-from page_commands import type_line
+from page_commands import type_line, type_on_runs
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 COMMANDS = (ROOT / "docs" / "commands.md").read_text()
-# What a reader has already when the page says so: two runs of one seed, the newest of them, and a scenario.
-GIVEN = {"RUN_A": -2, "RUN_B": -1, "RUN": -1}
 
 
 def section(title, page=README):
@@ -26,14 +24,6 @@ def commands_of(title):
         for block in re.findall(r"```sh\n(.*?)```", section(title, COMMANDS), re.DOTALL)
         for line in block.splitlines()
     ]
-
-
-def run(line, folder):
-    runs = sorted((folder / "runs").glob("*"))
-    for word, i in GIVEN.items():
-        if re.search(rf"\b{word}\b", line):
-            line = re.sub(rf"\b{word}\b", f"runs/{runs[i].name}", line)
-    return type_line(line, folder)
 
 
 @pytest.fixture
@@ -60,7 +50,7 @@ def test_every_command_works_as_it_stands(title, folder):
         # A part of the search, for each picture of a film takes as long as the last.
         line = line.replace("gslcosim film RUN ", "gslcosim film RUN --to 15 ")
         line = line.replace("--count 20", "--count 2").replace("--repetitions 2", "--repetitions 1")
-        ended = run(line, folder)
+        ended = type_on_runs(line, folder)
         assert ended.returncode == 0, f"{line}\n{ended.stdout}\n{ended.stderr}"
 
 

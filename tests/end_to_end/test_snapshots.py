@@ -11,13 +11,14 @@ import zlib
 
 import msgpack
 import pytest
+from page_commands import type_on_runs
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 from repeated_runs import assert_same, compared, forked
 from snapshot_cases import CASES, write_movie
-from test_fork import SWARM
-from test_readme import run
 
 from gslcosim.cli.main import main
+
+SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 
 
 def replayed(run_dir, runs_dir, from_s, *arguments):
@@ -212,5 +213,5 @@ def test_the_commands_of_the_page_work(tmp_path):
         # A shorter run in a smaller room; what comes of it is in runs, as on the page.
         line = line.replace("warehouse_empty --seed 7", str(TINY_ROOM)).replace("every_s=10", "every_s=2")
         line = line.replace("--at 30", "--at 5").replace("--from 35", "--from 5").replace("-every 10", "-every 2")
-        ended = run(line, tmp_path)
+        ended = type_on_runs(line, tmp_path)
         assert ended.returncode in (0, 1), f"{line}\n{ended.stdout}\n{ended.stderr}"

@@ -12,6 +12,8 @@ from real_runs import start_command
 
 # The reader has installed gslcosim.
 PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+# What a reader has already when the page says so: two runs of one seed, the newest of them.
+_GIVEN_RUNS = {"RUN_A": -2, "RUN_B": -1, "RUN": -1}
 # What a shell expands, joins or diverts outside of quotes: such lines need one, and all that begin with other programs.
 _NEEDS_A_SHELL = re.compile(r"[|&;<>()$`*?~{}\\!]")
 _QUOTED = re.compile(r"""'[^']*'|"[^"$`\\]*\"""")
@@ -30,6 +32,15 @@ def type_line(line: str, folder: Path, *, limit_s: float = PROCESS_S) -> subproc
         ["bash", "-e", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=limit_s,
         check=False,
     )  # fmt: skip
+
+
+def type_on_runs(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Return the outcome of one line that may name runs that are in the folder already."""
+    runs = sorted((folder / "runs").glob("*"))
+    for word, i in _GIVEN_RUNS.items():
+        if re.search(rf"\b{word}\b", line):
+            line = re.sub(rf"\b{word}\b", f"runs/{runs[i].name}", line)
+    return type_line(line, folder)
 
 
 def type_block(block: str, folder: Path, *, limit_s: float = PROCESS_S) -> subprocess.CompletedProcess[str]:

@@ -10,14 +10,14 @@ import signal
 import sys
 
 import pytest
+from page_commands import type_on_runs
 from real_runs import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, fly, fly_here, start, with_agent
 from repeated_runs import assert_same, compared, forked
-from test_readme import run
 
 from gslcosim.base.checksums import write_checksums
 from gslcosim.base.errors import RecordingError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.cli.run_views import record_runs
+from gslcosim_data.run_views import record_runs
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 PAGE = ROOT / "docs" / "fork.md"
@@ -264,6 +264,7 @@ def test_the_commands_of_the_page_work(tmp_path):
     assert len(lines) >= 3
     for line in lines:
         line = line.replace("gslcosim view", "gslcosim view --screenshot view.png")
-        ended = run(line.replace("warehouse_empty --seed 7", str(TINY_ROOM)).replace("--at 30", "--at 5"), tmp_path)
+        line = line.replace("warehouse_empty --seed 7", str(TINY_ROOM)).replace("--at 30", "--at 5")
+        ended = type_on_runs(line, tmp_path)
         expected = (5,) if "compare" in line else (0, 1)
         assert ended.returncode in expected, f"{line}\n{ended.stdout}\n{ended.stderr}"

@@ -84,9 +84,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _run_fork(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    from gslcosim.runtime.replay.fork import prepare_fork, run_fork
     from gslcosim.runtime.replay.past_run import PastRun
     from gslcosim.scenario.checks.registry import list_scenario_checks
+    from gslcosim_data.fork import prepare_fork, run_fork
 
     manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=MANIFEST)
     past = PastRun.load(manifest.parent)

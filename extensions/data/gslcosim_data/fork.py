@@ -19,12 +19,12 @@ from gslcosim.runtime.run import PriorRun, run_scenario
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.status import RunResult, RunStatus
 from gslcosim.scenario import LoadedScenario
-from gslcosim.scenario.fork_changes import check_changes, find_changed_paths
 from gslcosim.scenario.loader import Check, resolve_values
 from gslcosim.scenario.models.scenario import Processes
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim.scenario.serialization import plain_values, read_yaml
+from gslcosim_data.fork_changes import check_changes, find_changed_paths
 
 
 @dataclass(frozen=True, kw_only=True)

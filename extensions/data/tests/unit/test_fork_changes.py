@@ -4,9 +4,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from gslcosim.base.errors import UsageError
-from gslcosim.scenario.fork_changes import check_changes, find_changed_paths
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
+from gslcosim_data.fork_changes import check_changes, find_changed_paths
 
 
 def changed(scenario, path, value):
