@@ -4,6 +4,7 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search import elementary
 from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim_search.motion.legs import LegSpace, next_leg
 from gslcosim_search.random_stream import RandomStream
@@ -60,7 +61,11 @@ class Braitenberg(Agent):
             observation, heading_rad + turn_rad_s * self.settings.period_s, speed_m_s
         )
         climb_m_s = CLIMBS_PER_S * (self.height_m - observation.position_world_m[2])
-        velocity_m_s = (speed_m_s * math.cos(self.heading_rad), speed_m_s * math.sin(self.heading_rad), climb_m_s)
+        velocity_m_s = (
+            speed_m_s * elementary.cos(self.heading_rad),
+            speed_m_s * elementary.sin(self.heading_rad),
+            climb_m_s,
+        )
         return Command(
             tick=observation.tick,
             kind="velocity",
@@ -98,7 +103,7 @@ class Braitenberg(Agent):
         if leg.heading_rad is not None:
             return leg.heading_rad
         x_m, y_m, _ = observation.position_world_m
-        return math.atan2(leg.end_m[1] - y_m, leg.end_m[0] - x_m)
+        return elementary.atan2(leg.end_m[1] - y_m, leg.end_m[0] - x_m)
 
 
 if __name__ == "__main__":

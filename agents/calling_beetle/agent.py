@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search import elementary
+from gslcosim_search.elementary import distance
 
 CROSSWIND_RAD = math.radians(90)
 ZIGZAG_RAD = math.radians(60)
@@ -56,8 +58,8 @@ class CallingBeetle(Agent):
         """Return the end of the first leg that keeps away from the walls, or else the nearest point that does."""
         x0_m, y0_m, _ = observation.position_world_m
         for heading_rad in self.headings_rad(observation, smells_gas=smells_gas):
-            x_m = x0_m + self.settings.leg_m * math.cos(heading_rad)
-            y_m = y0_m + self.settings.leg_m * math.sin(heading_rad)
+            x_m = x0_m + self.settings.leg_m * elementary.cos(heading_rad)
+            y_m = y0_m + self.settings.leg_m * elementary.sin(heading_rad)
             if self.min_m[0] <= x_m <= self.max_m[0] and self.min_m[1] <= y_m <= self.max_m[1]:
                 return x_m, y_m
         return max(self.min_m[0], min(self.max_m[0], x0_m)), max(self.min_m[1], min(self.max_m[1], y0_m))
@@ -70,8 +72,8 @@ class CallingBeetle(Agent):
             self.side = -self.side
             yield upwind_rad + self.side * ZIGZAG_RAD
             yield upwind_rad - self.side * ZIGZAG_RAD
-        elif self.call_m is not None and math.dist(self.call_m, (x0_m, y0_m)) > self.settings.near_m:
-            yield math.atan2(self.call_m[1] - y0_m, self.call_m[0] - x0_m)
+        elif self.call_m is not None and distance(self.call_m, (x0_m, y0_m)) > self.settings.near_m:
+            yield elementary.atan2(self.call_m[1] - y0_m, self.call_m[0] - x0_m)
         yield upwind_rad + self.side * CROSSWIND_RAD
         self.side = -self.side
         yield upwind_rad + self.side * CROSSWIND_RAD

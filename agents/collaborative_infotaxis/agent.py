@@ -9,6 +9,7 @@ import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance
 from gslcosim_search.information.information_agent import arrival_radius_m, assumed_dispersal, direction_spread_rad
 from gslcosim_search.information.objectives import find_min_cost_index
 from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
@@ -89,7 +90,7 @@ class CollaborativeInfotaxis(SearchAgent):
         """Return the place that adds most to what the others will find; not one that another robot is going to."""
         plans_m = self.plans_m(here_m, time_s)
         places_m = self.places_m(here_m)
-        places_m = [p for p in places_m if all(math.dist(p, q) > self.settings.apart_m for q in plans_m)] or places_m
+        places_m = [p for p in places_m if all(distance(p, q) > self.settings.apart_m for q in plans_m)] or places_m
         wind_m_s, spread_rad = self.wind()
         own = self.belief.candidates(places_m, wind_m_s, spread_rad)
         planned = [self.belief.candidates([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
@@ -105,7 +106,7 @@ class CollaborativeInfotaxis(SearchAgent):
         """Return where the others are going, by what they reported last, the nearest first."""
         recent = self.team.recent(time_s, PLAN_LASTS_S).values()
         plans_m = [(report.numbers[2], report.numbers[3]) for report in recent if len(report.numbers) >= 4]
-        return sorted(plans_m, key=lambda plan_m: math.dist(plan_m, here_m))
+        return sorted(plans_m, key=lambda plan_m: distance(plan_m, here_m))
 
     def wind(self) -> tuple[Place, float]:
         """Return the mean wind of the last seconds [m/s], and how far its direction spreads [rad]."""

@@ -60,7 +60,7 @@ class Fluxotaxis(FormationAgent):
         """Return where this robot belongs in the lattice: in its slot until all have formed up, then by the forces."""
         centre_m = self.centre_of(now, self.offsets_m)
         slots_m = centre_m + self.offsets_m[self.slots_of(now)]
-        if np.hypot(*(now.positions_m - slots_m).T).max() > self.settings.spacing_m:
+        if np.linalg.norm(now.positions_m - slots_m, axis=1).max() > self.settings.spacing_m:
             return centre_m + self.offsets_m[self.index]
         lattice_m = relaxed_lattice(now.positions_m, self.settings.spacing_m)
         return lattice_m[now.names.index(self.rounds.team.name)]

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
+from gslcosim_search.elementary import distance
 from gslcosim_search.swarms.formations import (
     FormationAgent,
     diagonal_line,
@@ -68,7 +69,7 @@ class LineSweep(FormationAgent):
         self.axis_rad = nearest_axis_rad(self.upwind_rad)
         lanes_m = plan_crosswind_lanes(self.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m)
         here_m = now.positions_m.mean(axis=0)
-        return min((lanes_m, lanes_m[::-1]), key=lambda lanes_m: float(np.hypot(*(lanes_m[0] - here_m))))
+        return min((lanes_m, lanes_m[::-1]), key=lambda lanes_m: distance(lanes_m[0], here_m))
 
     def converging_place_m(self, now: Round, best: Sighting) -> np.ndarray:
         """Return the place in a line upwind of the round's most gas; where that failed lately, narrower about it."""
@@ -79,7 +80,7 @@ class LineSweep(FormationAgent):
         elif best.time_s > self.failed_s + s.contract_s:
             self.failed_m = NOWHERE_M
         centre_m = now.positions_m[i] if is_good else np.array(best.place_m)
-        surges = is_good and math.dist(centre_m, self.failed_m) > s.lead_m
+        surges = is_good and distance(centre_m, self.failed_m) > s.lead_m
         self.spacing_m *= 1.0 / s.shrink_frac if surges else s.shrink_frac
         self.spacing_m = min(s.most_spacing_m, max(s.least_spacing_m, self.spacing_m))
         lead_m = np.array([[s.lead_m if surges else 0.0, 0.0]])

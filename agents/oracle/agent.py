@@ -1,10 +1,9 @@
 """The oracle: it is told where the source is, flies there and declares it. README.md beside this file has the rules."""
 
-import math
-
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
 from gslcosim.agent_kit.commands import declaration
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.map_navigation import KnownPaths
 
 # How far from the room's bounds a way ends, tried in this order [m]; at last it stays at the height of the search.
@@ -31,14 +30,14 @@ class Oracle(Agent):
         if self.goal_m is None:
             if not self.sources_m:
                 return Command(tick=observation.tick, kind="hold")
-            self.goal_m, self.n_refused = min(self.sources_m, key=lambda source_m: math.dist(source_m, here_m)), 0
+            self.goal_m, self.n_refused = min(self.sources_m, key=lambda source_m: distance(source_m, here_m)), 0
         bends_m = self.paths.to_m(here_m, self.goal_m, margin_m=MARGINS_M[self.n_refused])
         places = tuple(Waypoint(position_world_m=bend_m) for bend_m in bends_m)
         return Command(tick=observation.tick, kind="mission", waypoints=places)
 
     def has_arrived(self, observation: Observation, goal_m: tuple[float, float, float]) -> bool:
         """Return whether the vehicle is where it wanted to go, or gets no nearer; counts what was refused."""
-        if observation.notice is None or math.dist(goal_m, observation.position_world_m) < NEAR_M:
+        if observation.notice is None or distance(goal_m, observation.position_world_m) < NEAR_M:
             return True
         self.n_refused += 1
         return self.n_refused == len(MARGINS_M)

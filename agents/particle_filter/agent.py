@@ -3,7 +3,6 @@
 After Li, Meng, Wang and Zeng 2011. README.md beside this file has the rules, method.yaml the parameters.
 """
 
-import math
 from collections import deque
 
 import numpy as np
@@ -13,6 +12,7 @@ from gslcosim_search.bayes import particle_filter
 from gslcosim_search.bayes.belief_search import BeliefAgent
 from gslcosim_search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
 from gslcosim_search.bayes.puff_tracing import partial_sums_m
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, by_spread
 from gslcosim_search.reactive.spirals import ArchimedeanSpiral, random_side
@@ -101,7 +101,7 @@ class ParticleFilter(BeliefAgent):
             return self.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
         if not self.cloud.is_born:
             return self.goals.leg(observation, self.unseen.next_place_m(here_m, self.upwind_rad()), hold_s=0.0)
-        if self.settings.motion == "mean" and math.dist(self.cloud.mean_m(), here_m[:2]) > self.settings.step_m:
+        if self.settings.motion == "mean" and distance(self.cloud.mean_m(), here_m[:2]) > self.settings.step_m:
             self.spiral = None
             return self.goals.leg(observation, self.cloud.mean_m(), hold_s=self.settings.hold_s)
         return self.spiral_leg(observation)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
+from gslcosim_search.elementary import norm2
 from gslcosim_search.swarms.particle_swarm import Sighting, rotate_out_of_downwind, shorten_downwind
 from gslcosim_search.swarms.swarm_robot import Particle, Vector
 
@@ -24,7 +25,7 @@ class PsoWu(Particle):
 
     def step(self, best: Sighting | None) -> Vector:
         """Note the wind, and return the next step."""
-        if math.hypot(*self.wind_m_s) > self.settings.wind_floor_m_s:
+        if norm2(*self.wind_m_s) > self.settings.wind_floor_m_s:
             self.trusted_wind_m_s = self.wind_m_s
         return super().step(best)
 

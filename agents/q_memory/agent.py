@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim_search import elementary
 from gslcosim_search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim_search.reactive.silkmoth import TrueWind
 from gslcosim_search.reactive.temporal_memory import (
@@ -70,10 +71,12 @@ class QMemory(ReactiveAgent):
         move = self.next_move(self.memory.decide(observation.time_s))
         self.moves.append(move)
         ahead, left = STEPS[move]
-        heading_rad = self.wind.upwind_rad + math.atan2(left, ahead)
+        heading_rad = self.wind.upwind_rad + elementary.atan2(left, ahead)
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
-        return self.fly_to(observation, (x_m + step_m * math.cos(heading_rad), y_m + step_m * math.sin(heading_rad)))
+        return self.fly_to(
+            observation, (x_m + step_m * elementary.cos(heading_rad), y_m + step_m * elementary.sin(heading_rad))
+        )
 
     def next_move(self, state: int) -> int:
         """Return the table's move; in the void that of a recovery, unless the void was learned too."""

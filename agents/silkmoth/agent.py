@@ -7,6 +7,8 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search import elementary
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
@@ -81,13 +83,13 @@ class Silkmoth(Agent):
     def explore(self, observation: Observation) -> Command:
         """Return the velocity to the nearest place that was not seen; one that it does not reach is left out."""
         here_m = observation.position_world_m
-        if self.goal_m is None or math.dist(self.goal_m, here_m[:2]) < NEAR_M or self.is_late(observation):
+        if self.goal_m is None or distance(self.goal_m, here_m[:2]) < NEAR_M or self.is_late(observation):
             if self.goal_m is not None:
                 self.unseen.skip(self.goal_m)
             self.goal_m = self.unseen.next_place_m(here_m, self.wind.upwind_rad)
             self.goal_since_s = observation.time_s
         self.last_s = observation.time_s
-        self.heading_rad = math.atan2(self.goal_m[1] - here_m[1], self.goal_m[0] - here_m[0])
+        self.heading_rad = elementary.atan2(self.goal_m[1] - here_m[1], self.goal_m[0] - here_m[0])
         return self.fly(observation, self.settings.explore_m_s)
 
     def is_late(self, observation: Observation) -> bool:
@@ -102,7 +104,7 @@ class Silkmoth(Agent):
         here_m = observation.position_world_m
         self.sidestep.note(observation.time_s, is_refused=observation.notice is not None)
         heading_rad = self.heading_rad + self.sidestep.turn_rad
-        along = (math.cos(heading_rad), math.sin(heading_rad))
+        along = (elementary.cos(heading_rad), elementary.sin(heading_rad))
         x_m_s, y_m_s = (
             0.0 if (x <= low and share < 0.0) or (x >= high and share > 0.0) else speed_m_s * share
             for x, low, high, share in zip(here_m, self.room.min_m, self.room.max_m, along)

@@ -3,11 +3,10 @@
 After Duisterhof et al. README.md beside this file has the rules.
 """
 
-import math
-
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.swarms.particle_swarm import Sighting, limit_length
 from gslcosim_search.swarms.sniffy_bug import (
@@ -67,7 +66,7 @@ class SniffyBug(SwarmMember):
         is_better = is_other_and_better(before, self.followed, self.settings.fades_s)
         last_m = self.waypoint_m
         if last_m is not None and not is_better and not is_blocked:
-            is_reached = math.dist(self.place_m, last_m) < table.reached_m
+            is_reached = distance(self.place_m, last_m) < table.reached_m
             if not is_reached and self.now_s - self.since_s < table.waypoint_s:
                 return
         self.waypoint_m, self.since_s = self.next_waypoint(is_blocked=is_blocked), self.now_s

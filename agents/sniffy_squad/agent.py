@@ -3,11 +3,11 @@
 After arXiv 2411.06121. README.md beside this file has the rules, method.yaml the parameters.
 """
 
-import math
-
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
+from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim_search.maps.map_agents import MapAgent
 from gslcosim_search.motion.declaration import Estimate, by_variance
@@ -88,9 +88,9 @@ class SniffySquad(MapAgent):
         now = self.now
         for report in now.reports.values():
             x_m_s, y_m_s = report.wind_m_s or (0.0, 0.0)
-            is_calm = math.hypot(x_m_s, y_m_s) <= self.settings.wind_threshold_m_s
+            is_calm = norm2(x_m_s, y_m_s) <= self.settings.wind_threshold_m_s
             if report.amount != UNCLEAR:
-                downwind_rad = None if is_calm else math.atan2(y_m_s, x_m_s)
+                downwind_rad = None if is_calm else elementary.atan2(y_m_s, x_m_s)
                 self.method.update(report.position_m, is_hit=report.amount == HIT, downwind_rad=downwind_rad)
         self.role = self.roles(now)[self.name]
 
@@ -122,7 +122,7 @@ class SniffySquad(MapAgent):
             end_m = (here_m[0] + float(dx_m), here_m[1] + float(dy_m))
             cell = flights.grid.cell_at(end_m)
             is_free = cell is not None and bool(flights.flyable[cell])
-            if is_free and all(math.dist(end_m, other_m) > s.apart_m for other_m in others_m):
+            if is_free and all(distance(end_m, other_m) > s.apart_m for other_m in others_m):
                 goal_m = end_m
                 break
         flights.go_to(goal_m)

@@ -10,9 +10,11 @@ import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search import elementary
 from gslcosim_search.bayes import source_terms
 from gslcosim_search.bayes.belief_search import BeliefAgent
 from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, by_spread
 from gslcosim_search.search_agent import extract_settings
@@ -76,7 +78,7 @@ class SourceTermEstimation(BeliefAgent):
     def wind(self) -> tuple[float, float]:
         """Return speed and direction of the mean wind of the last seconds: where the air goes."""
         u_m_s, v_m_s = self.recent_wind_m_s()
-        return math.hypot(u_m_s, v_m_s), math.atan2(v_m_s, u_m_s)
+        return norm2(u_m_s, v_m_s), elementary.atan2(v_m_s, u_m_s)
 
     @property
     def p(self) -> np.ndarray:
@@ -96,15 +98,15 @@ class SourceTermEstimation(BeliefAgent):
         surge_m = self.surge_m(observation)
         if self.settings.planner == "moth" and self.is_tracking(observation) and surge_m is not None:
             return self.goals.leg(observation, surge_m, hold_s=hold_s)
-        if self.settings.planner == "mean" and math.dist(mean_m, here_m[:2]) > 0.5 * self.settings.step_m:
+        if self.settings.planner == "mean" and distance(mean_m, here_m[:2]) > 0.5 * self.settings.step_m:
             return self.goals.leg(observation, mean_m, hold_s=hold_s)
         goals_m = np.array([*self.around(here_m), mean_m, self.unseen.next_place_m(here_m, self.upwind_rad())])
         places_m = np.column_stack([goals_m, np.full(len(goals_m), self.height_m)])
         speed_m_s, direction_rad = self.wind()
         gain = self.filter.gain_bits(places_m, speed_m_s=speed_m_s, direction_rad=direction_rad)
-        away_m = np.hypot(*(self.filter.terms[:, None, :2] - goals_m[None]).transpose(2, 0, 1))
-        likely = self.filter.weights() @ (away_m <= self.settings.visit_m)
-        distances_m = np.hypot(goals_m[:, 0] - here_m[0], goals_m[:, 1] - here_m[1])
+        away_m = np.linalg.norm(self.filter.terms[:, None, :2] - goals_m[None], axis=2)
+        likely = elementary.product(self.filter.weights(), away_m <= self.settings.visit_m)
+        distances_m = np.linalg.norm(goals_m - here_m[:2], axis=1)
         worth = np.where(
             distances_m < 0.5 * self.settings.step_m, -1.0, (gain + likely) / (distances_m + self.settings.near_m)
         )
@@ -114,7 +116,10 @@ class SourceTermEstimation(BeliefAgent):
     def around(self, here_m: tuple[float, ...]) -> list[tuple[float, float]]:
         """Return candidate places in eight directions, near and far, that lie in the room and are not refused."""
         places_m = [
-            (here_m[0] + n * self.settings.step_m * math.cos(a), here_m[1] + n * self.settings.step_m * math.sin(a))
+            (
+                here_m[0] + n * self.settings.step_m * elementary.cos(a),
+                here_m[1] + n * self.settings.step_m * elementary.sin(a),
+            )
             for n in NEAR_AND_FAR
             for a in np.arange(N_DIRECTIONS) * (2.0 * math.pi / N_DIRECTIONS)
         ]

@@ -1,12 +1,12 @@
 """The sweep: flies lanes over the whole room, blind, without a stop. README.md beside this file has the rules."""
 
-import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
 from gslcosim.agent_kit.commands import declaration, waypoint
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import lawnmower_path_m
 from gslcosim_search.motion.legs import LegSpace
 
@@ -30,7 +30,7 @@ class Sweep(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Cross off the bends that the vehicle comes to."""
-        if self.bends_m and math.dist(self.bends_m[0], observation.position_world_m) < THERE_M:
+        if self.bends_m and distance(self.bends_m[0], observation.position_world_m) < THERE_M:
             self.bends_m.popleft()
 
     def decide(self, observation: Observation) -> Command:
@@ -51,10 +51,10 @@ class Sweep(Agent):
     def places(self, start_m: tuple[float, float, float]) -> Iterator[Waypoint]:
         """Yield what the mission passes: on long ways a place after each bend and one before the next, at speed."""
         for bend_m in self.bends_m:
-            length_m = math.dist(start_m, bend_m)
-            if self.speed_m_s > 0.0 and length_m > 2.5 * RUN_UP_M * self.speed_m_s**2:
+            length_m, run_up_m = distance(start_m, bend_m), RUN_UP_M * self.speed_m_s * self.speed_m_s
+            if self.speed_m_s > 0.0 and length_m > 2.5 * run_up_m:
                 unit = [(b - a) / length_m for a, b in zip(start_m, bend_m)]
-                for along_m in (RUN_UP_M * self.speed_m_s**2, length_m - RUN_UP_M * self.speed_m_s**2):
+                for along_m in (run_up_m, length_m - run_up_m):
                     yield passed(start_m, unit, along_m, self.speed_m_s)
             yield Waypoint(position_world_m=bend_m)
             start_m = bend_m

@@ -6,6 +6,8 @@ After Chasing Ghosts (2026), with its known faults mended. README.md beside this
 import math
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim_search import elementary
+from gslcosim_search.elementary import norm2
 from gslcosim_search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim_search.reactive.spirals import random_side
 from gslcosim_search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
@@ -61,7 +63,7 @@ class TwoNosesAgent(ReactiveAgent):
         self.heading_rad, self.has_turned = self.heading_rad + by_rad, False
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
-        place_m = (x_m + step_m * math.cos(self.heading_rad), y_m + step_m * math.sin(self.heading_rad))
+        place_m = (x_m + step_m * elementary.cos(self.heading_rad), y_m + step_m * elementary.sin(self.heading_rad))
         command = self.fly_to(observation, place_m)
         self.look_along(observation, command)
         return command.model_copy(update={"yaw_rad": math.remainder(self.heading_rad, math.tau)})
@@ -82,8 +84,8 @@ class TwoNosesAgent(ReactiveAgent):
         assert command.position_world_m is not None
         dx_m = command.position_world_m[0] - observation.position_world_m[0]
         dy_m = command.position_world_m[1] - observation.position_world_m[1]
-        if math.hypot(dx_m, dy_m) > 0.01:
-            self.heading_rad = math.atan2(dy_m, dx_m)
+        if norm2(dx_m, dy_m) > 0.01:
+            self.heading_rad = elementary.atan2(dy_m, dx_m)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,10 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim_search import elementary
 from gslcosim_search.bayes.belief_search import PuffTracingAgent
 from gslcosim_search.beliefs import normalised_from_log
+from gslcosim_search.elementary import norm3
 from gslcosim_search.senses.instruments import find_cameras
 from gslcosim_search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
 
@@ -45,7 +47,7 @@ class VisionPrior(PuffTracingAgent):
             return
         self.last_picture_tick = image.taken_tick
         view = self.poses.get(image.taken_tick)
-        is_at_rest = math.hypot(*observation.velocity_world_m_s) < self.settings.still_m_s
+        is_at_rest = norm3(*observation.velocity_world_m_s) < self.settings.still_m_s
         if view is not None and is_at_rest:
             seen = seen_objects(image, view, floor_m=self.floor_m, farthest_m=self.settings.farthest_m)
             if self.seen.add(seen):
@@ -57,7 +59,7 @@ class VisionPrior(PuffTracingAgent):
                     spread_m=self.settings.object_m,
                     other_odds=self.settings.other_odds,
                 )
-                self.log_prior = np.log(prior)
+                self.log_prior = elementary.log_each(prior)
 
     @property
     def p(self) -> np.ndarray:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Belief, Bounds, KnownMap, Observation
 from gslcosim.contract.record import NumericArray
+from gslcosim_search import elementary
 
 Array = NDArray[np.float64]
 
@@ -104,7 +105,9 @@ def normalised(weights: Array) -> Array:
 def normalised_from_log(log_p: Array) -> Array:
     """Return exp(log_p) scaled so that the sum is 1, without overflow; minus infinity is probability 0."""
     highest = float(log_p.max())
-    return normalised(np.exp(log_p - highest)) if np.isfinite(highest) else normalised(np.zeros(log_p.shape))
+    return (
+        normalised(elementary.exp_each(log_p - highest)) if np.isfinite(highest) else normalised(np.zeros(log_p.shape))
+    )
 
 
 def entropy_bits(p: Array) -> float:
@@ -116,25 +119,25 @@ def entropy_bits(p: Array) -> float:
         extensions/search/tests/unit/test_grids_and_beliefs.py
     """
     positive = p[p > 0.0]
-    return max(0.0, float(-(positive * np.log2(positive)).sum()))
+    return max(0.0, float(-(positive * elementary.log2_each(positive)).sum()))
 
 
 def mean_m(p: Array, grid: CellGrid) -> tuple[float, ...]:
     """Return the mean place, world frame [m]."""
-    return tuple(float(value) for value in p.reshape(-1) @ grid.centres_m())
+    return tuple(float(value) for value in elementary.product(p.reshape(-1), grid.centres_m()))
 
 
 def variance_m2(p: Array, grid: CellGrid) -> float:
     """Return the sum of the variances of x and y [m^2]."""
     centres_m, weights = grid.centres_m()[:, :2], p.reshape(-1)
-    mean = weights @ centres_m
-    return float(weights @ ((centres_m - mean) ** 2).sum(axis=1))
+    mean = elementary.product(weights, centres_m)
+    return float((weights * np.square(centres_m - mean).sum(axis=1)).sum())
 
 
 def distances_m(grid: CellGrid, point_m: Sequence[float]) -> Array:
     """Return the distance of each cell's centre from a point [m], in the grid's shape and dimensions."""
     offsets_m = grid.centres_m() - np.asarray(point_m[: grid.dimensions])
-    return np.sqrt((offsets_m**2).sum(axis=1)).reshape(grid.shape)
+    return np.linalg.norm(offsets_m, axis=1).reshape(grid.shape)
 
 
 def mass_within(p: Array, grid: CellGrid, point_m: Sequence[float], radius_m: float) -> float:
@@ -164,7 +167,7 @@ def _ball_masses(p: Array, grid: CellGrid, radius_m: float) -> Array:
     mass = np.zeros(grid.shape)
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * grid.dimensions, indexing="ij"), axis=-1)
     for step in steps.reshape(-1, grid.dimensions):
-        if float((step**2).sum()) * grid.cell_m**2 <= radius_m**2 * (1.0 + 1e-12):
+        if float(np.square(step).sum()) * grid.cell_m * grid.cell_m <= radius_m * radius_m * (1.0 + 1e-12):
             window = tuple(slice(reach + int(s), reach + int(s) + n) for s, n in zip(step, grid.shape, strict=True))
             mass += padded[window]
     return mass

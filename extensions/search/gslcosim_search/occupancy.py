@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import KnownMap
 from gslcosim_search.beliefs import CellGrid
 
@@ -128,6 +129,6 @@ def _grown(solid: NDArray[np.bool_], radius_cells: float) -> NDArray[np.bool_]:
     padded = np.pad(solid, reach)
     grown = np.zeros_like(solid)
     for offset in np.ndindex((2 * reach + 1,) * solid.ndim):
-        if math.dist(offset, (reach,) * solid.ndim) <= radius_cells:
+        if distance(offset, (reach,) * solid.ndim) <= radius_cells:
             grown |= padded[tuple(slice(i, i + n) for i, n in zip(offset, solid.shape))]
     return grown

@@ -1,13 +1,19 @@
+# pyright: basic
 """The source of a straight plume, as a probability over the floor, from readings with gas and without."""
+
+# ruff: noqa: ANN001, ANN202 - kernels have no types
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.contract.messages import Bounds
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
 
 Array = NDArray[np.float64]
@@ -26,6 +32,43 @@ _WIDTH_M, _GROWTH, _UPWIND_M = 0.4, 0.15, 0.3
 # Spread s of the logarithm of levels, chance m of no gas in the middle of the plume, density f of gas from elsewhere,
 # and weight k of a reading.
 _LOG_SPREAD, _MISS_CHANCE, _STRAY_DENSITY, _WEIGHT = 1.0, 0.5, 1e-3, 0.2
+# The steepness of the chance that a level is below the threshold.
+_STEEPNESS = 1.6 / _LOG_SPREAD
+# A share of e to the power of this counts as none.
+_LEAST_LOG = -40.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _weigh_level(log_shape, log_rates, log_level, log_likelihood):
+    for i in range(log_shape.size):
+        for k in range(log_rates.size):
+            ratio = (log_level - log_shape[i] - log_rates[k]) / _LOG_SPREAD
+            tail = 1.0 + ratio * ratio / 3.0
+            density = (1.0 - _MISS_CHANCE) * _T3_PEAK / (_LOG_SPREAD * tail * tail) + _STRAY_DENSITY
+            log_likelihood[i, k] += elementary.log(density)
+
+
+@numba.njit(cache=True, nogil=True)
+def _weigh_clean_air(log_shape, log_rates, log_likelihood):
+    factors = np.empty(log_rates.size)
+    for k in range(log_rates.size):
+        factors[k] = elementary.exp(_STEEPNESS * log_rates[k])
+    for i in range(log_shape.size):
+        shape = elementary.exp(_STEEPNESS * log_shape[i])
+        for k in range(log_rates.size):
+            below = 1.0 / (1.0 + shape * factors[k])
+            log_likelihood[i, k] += elementary.log(_MISS_CHANCE + (1.0 - _MISS_CHANCE) * below)
+
+
+@numba.njit(cache=True, nogil=True)
+def _sum_over_rates(log_likelihood, top):
+    total = np.zeros(log_likelihood.shape[0])
+    for i in range(log_likelihood.shape[0]):
+        for k in range(log_likelihood.shape[1]):
+            exponent = _WEIGHT * (log_likelihood[i, k] - top)
+            if exponent > _LEAST_LOG:
+                total[i] += elementary.exp(exponent)
+    return total
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +130,7 @@ class PlumeFit:
         self._x_m, self._y_m = centres_m[:, 0], centres_m[:, 1]
         reach = int(_RADIUS_M / grid.cell_m)
         offsets = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
-        self._disc = [(i, j) for i, j in offsets if math.hypot(i, j) * grid.cell_m <= _RADIUS_M]
+        self._disc = [(i, j) for i, j in offsets if norm2(i, j) * grid.cell_m <= _RADIUS_M]
         self._reach, self._threshold = reach, threshold
         self._log_likelihood = np.zeros((len(centres_m), len(_LOG_RATES)))
         self._log_levels: list[float] = []
@@ -95,16 +138,14 @@ class PlumeFit:
 
     def add(self, position_m: Sequence[float], level: float, downwind_rad: float) -> None:
         """Take note of a reading: its place, its level, and where the wind goes [rad]; at most a reading a second."""
-        log_mean = self._log_shape(position_m, downwind_rad)[:, np.newaxis] + _LOG_RATES
+        log_shape = self._log_shape(position_m, downwind_rad)
         self._n_readings += 1
         if level > self._threshold:
-            log_level = math.log(level / self._threshold)
+            log_level = elementary.log(level / self._threshold)
             self._log_levels.append(log_level)
-            likelihood = self._chance_of_level(log_level - log_mean)
+            _weigh_level(log_shape, _LOG_RATES, log_level, self._log_likelihood)
         else:
-            below = 1.0 / (1.0 + np.exp(np.minimum(1.6 / _LOG_SPREAD * log_mean, 60.0)))
-            likelihood = _MISS_CHANCE + (1.0 - _MISS_CHANCE) * below
-        self._log_likelihood += np.log(likelihood)
+            _weigh_clean_air(log_shape, _LOG_RATES, self._log_likelihood)
 
     def best(self) -> FittedSource | None:
         """Return the place with the most probability around it; absent before there was gas."""
@@ -112,12 +153,12 @@ class PlumeFit:
         if not n_gas:
             return None
         top = float(self._log_likelihood.max())
-        p = np.exp(_WEIGHT * (self._log_likelihood - top)).sum(axis=1)
+        p = _sum_over_rates(self._log_likelihood, top)
         p = (p / p.sum()).reshape(self._shape)
         shares = np.round(self._sum_around(p), _DIGITS)
         i, j = np.unravel_index(int(shares.argmax()), self._shape)
         x_m, y_m = self._x_m.reshape(self._shape)[i, j], self._y_m.reshape(self._shape)[i, j]
-        near = np.hypot(self._x_m - x_m, self._y_m - y_m) <= _RADIUS_M
+        near = np.square(self._x_m - x_m) + np.square(self._y_m - y_m) <= _RADIUS_M * _RADIUS_M
         weights = np.where(near, p.ravel(), 0.0)
         place_m = (float(np.average(self._x_m, weights=weights)), float(np.average(self._y_m, weights=weights)))
         return FittedSource(
@@ -129,22 +170,20 @@ class PlumeFit:
 
     # Logarithm of the mean level that a rate of one threshold gives at a place, for each cell of the source.
     def _log_shape(self, position_m: Sequence[float], downwind_rad: float) -> Array:
-        cos, sin = math.cos(downwind_rad), math.sin(downwind_rad)
+        cos, sin = elementary.cos(downwind_rad), elementary.sin(downwind_rad)
         dx_m, dy_m = position_m[0] - self._x_m, position_m[1] - self._y_m
         along_m, across_m = dx_m * cos + dy_m * sin, dy_m * cos - dx_m * sin
         width_m = _WIDTH_M + _GROWTH * np.maximum(along_m, 0.0)
-        return -0.5 * (across_m / width_m) ** 2 - np.log(width_m) + np.minimum(along_m, 0.0) / _UPWIND_M
-
-    def _chance_of_level(self, log_ratio: Array) -> Array:
-        s = _LOG_SPREAD
-        return (1.0 - _MISS_CHANCE) * _T3_PEAK / (s * (1.0 + (log_ratio / s) ** 2 / 3.0) ** 2) + _STRAY_DENSITY
+        return (
+            -0.5 * np.square(across_m / width_m) - elementary.log_each(width_m) + np.minimum(along_m, 0.0) / _UPWIND_M
+        )
 
     def _log_likelihood_anywhere(self) -> float:
         levels, n_gas = np.array(self._log_levels), len(self._log_levels)
         share, n_clean = n_gas / self._n_readings, self._n_readings - n_gas
         ratio = levels - np.median(levels)
-        gas = np.log(share * _T3_PEAK / (1.0 + ratio**2 / 3.0) ** 2).sum()
-        return float(gas) + (n_clean * math.log1p(-share) if n_clean else 0.0)
+        gas = elementary.log_each(share * _T3_PEAK / np.square(1.0 + np.square(ratio) / 3.0)).sum()
+        return float(gas) + (n_clean * elementary.log1p(-share) if n_clean else 0.0)
 
     def _sum_around(self, p: Array) -> Array:
         r, (nx, ny) = self._reach, self._shape

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from gslcosim_search import elementary
+
 _MASK_64 = 0xFFFFFFFFFFFFFFFF
 _FULL_TURN_RAD = 6.283185307179586
 
@@ -50,8 +52,8 @@ class RandomStream:
 
         z = sqrt(-2 ln(1 - u1)) cos(2 pi u2)        u1, u2 the next two fractions
         """
-        radius = math.sqrt(-2.0 * math.log1p(-self.fraction()))
-        return radius * math.cos(self.angle_rad())
+        radius = math.sqrt(-2.0 * elementary.log1p(-self.fraction()))
+        return radius * elementary.cos(self.angle_rad())
 
     def generator(self, purpose: str) -> np.random.Generator:
         """Return a numpy generator of its own, for many numbers at once.

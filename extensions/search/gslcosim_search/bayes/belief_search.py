@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation
+from gslcosim.base.scalar_kernels import distance, norm2
+from gslcosim_search import elementary
 from gslcosim_search.bayes import puff_tracing
 from gslcosim_search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim_search.beliefs import CellGrid, distances_m
@@ -169,7 +171,7 @@ def _correlated(
 def _binary_entropy_bits(chance: Array) -> Array:
     safe = np.clip(chance, 1e-300, 1.0)
     rest = np.clip(1.0 - chance, 1e-300, 1.0)
-    return -(safe * np.log2(safe) + rest * np.log2(rest))
+    return -(safe * elementary.log2_each(safe) + rest * elementary.log2_each(rest))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,7 +301,7 @@ class BeliefAgent(SearchAgent):
     def declare(self, observation: Observation, found: Estimate) -> Command | None:
         """Return the way to a place that was found; there, or where it cannot be reached, the declaration."""
         x_m, y_m = found.position_m[:2]
-        is_there = math.dist((x_m, y_m), observation.position_world_m[:2]) <= self.shared.visit_m
+        is_there = distance((x_m, y_m), observation.position_world_m[:2]) <= self.shared.visit_m
         if not is_there and not self.flights.pilot.was_refused(observation):
             return self.goals.leg(observation, (x_m, y_m))
         self._rejected_m = (x_m, y_m)
@@ -360,7 +362,7 @@ class BeliefAgent(SearchAgent):
     def upwind_rad(self) -> float | None:
         """Return the upwind direction of the last seconds [rad]; in calm air the last known one, or None."""
         u_m_s, v_m_s = self.recent_wind_m_s()
-        self._trusted.add(MeasuredWind(speed_m_s=math.hypot(u_m_s, v_m_s), upwind_rad=math.atan2(-v_m_s, -u_m_s)))
+        self._trusted.add(MeasuredWind(speed_m_s=norm2(u_m_s, v_m_s), upwind_rad=elementary.atan2(-v_m_s, -u_m_s)))
         return self._trusted.upwind_rad
 
 

@@ -15,7 +15,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.contract.messages import NominalPlume
+from gslcosim_search import elementary
 
 EULER_GAMMA = 0.5772156649015329
 # Terms of the power series at arguments up to 2: the next one is below 1e-17.
@@ -61,7 +63,7 @@ def log_k0(x):
     half = 0.5 * x
     if x <= 2.0:
         q = half * half
-        log_half = math.log(half)
+        log_half = elementary.log(half)
         psi = -EULER_GAMMA
         term = 1.0
         total = psi - log_half
@@ -69,7 +71,7 @@ def log_k0(x):
             term *= q / (k * k)
             psi += 1.0 / k
             total += term * (psi - log_half)
-        return math.log(total)
+        return elementary.log(total)
     t = 2.0 / x
     scaled = 0.00053208
     scaled = scaled * t - 0.00251540
@@ -78,7 +80,7 @@ def log_k0(x):
     scaled = scaled * t + 0.02189568
     scaled = scaled * t - 0.07832358
     scaled = scaled * t + 1.25331414
-    return math.log(scaled) - 0.5 * math.log(x) - x
+    return elementary.log(scaled) - 0.5 * elementary.log(x) - x
 
 
 @numba.njit(cache=True, nogil=True)
@@ -137,7 +139,7 @@ def log_mean_hits_3d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
             dy = places_m[i, 1] - cells_m[j, 1]
             dz = places_m[i, 2] - cells_m[j, 2]
             d = max(math.sqrt(dx * dx + dy * dy + dz * dz), nearest_m)
-            log_mean[i, j] = log_strength - math.log(d) + (drift_x * dx + drift_y * dy) - d * per_length
+            log_mean[i, j] = log_strength - elementary.log(d) + (drift_x * dx + drift_y * dy) - d * per_length
 
 
 @numba.njit(cache=True, nogil=True)
@@ -160,23 +162,23 @@ def hit_probability(log_mean, hits, n_outcomes):
     Held by:
         extensions/search/tests/unit/bayes/test_encounter_model.py (sums to 1; scipy's survival function for the tail)
     """
-    mean = math.exp(min(log_mean, 50.0))
+    mean = elementary.exp(min(log_mean, 50.0))
     if n_outcomes == 2:
-        return math.exp(-mean) if hits == 0 else -math.expm1(-mean)
+        return elementary.exp(-mean) if hits == 0 else -elementary.expm1(-mean)
     is_tail = hits == n_outcomes - 1
     if is_tail and mean < 1.0:
         # Summed from its own first term: one minus the others would lose all digits of a rare outcome.
-        term = math.exp(hits * log_mean - mean - math.lgamma(hits + 1.0))
+        term = elementary.exp(hits * log_mean - mean - elementary.lgamma(hits + 1.0))
         total = term
         for h in range(hits + 1, hits + _N_TAIL):
             term *= mean / h
             total += term
         return total
     if not is_tail:
-        return math.exp(hits * log_mean - mean - math.lgamma(hits + 1.0))
+        return elementary.exp(hits * log_mean - mean - elementary.lgamma(hits + 1.0))
     others = 0.0
     for h in range(hits):
-        others += math.exp(h * log_mean - mean - math.lgamma(h + 1.0))
+        others += elementary.exp(h * log_mean - mean - elementary.lgamma(h + 1.0))
     return max(0.0, 1.0 - others)
 
 
@@ -185,32 +187,32 @@ def hit_probability(log_mean, hits, n_outcomes):
 @numba.njit(cache=True, nogil=True)
 def _hit_or_not_into(log_mean, floor, power, likelihood, weight, log_weight):
     scale = 1.0 - 2.0 * floor
-    log_never = math.log(floor) if floor > 0.0 else 0.0
+    log_never = elementary.log(floor) if floor > 0.0 else 0.0
     for i in range(log_mean.shape[0]):
         k = power[i]
-        never_weight = math.exp(k * log_never) if floor > 0.0 else 0.0
-        sure_log = k * math.log1p(-floor)
-        sure_weight = math.exp(sure_log)
+        never_weight = elementary.exp(k * log_never) if floor > 0.0 else 0.0
+        sure_log = k * elementary.log1p(-floor)
+        sure_weight = elementary.exp(sure_log)
         for j in range(log_mean.shape[1]):
             if log_mean[i, j] < _NEVER:
                 likelihood[i, 0, j], likelihood[i, 1, j] = 1.0 - floor, floor
                 weight[i, 0, j], weight[i, 1, j] = sure_weight, never_weight
                 log_weight[i, 0, j], log_weight[i, 1, j] = sure_log, k * log_never
                 continue
-            mean = math.exp(min(log_mean[i, j], 50.0))
-            none = math.exp(-mean)
+            mean = elementary.exp(min(log_mean[i, j], 50.0))
+            none = elementary.exp(-mean)
             # Two terms of the series where one minus the other would lose digits: either is right to 2e-11.
             some = mean * (1.0 - 0.5 * mean) if mean < 1e-5 else 1.0 - none
             miss, hit = floor + scale * none, floor + scale * some
             likelihood[i, 0, j], likelihood[i, 1, j] = miss, hit
-            log_miss = k * math.log(miss) if miss > 0.0 else 0.0
-            log_hit = k * math.log(hit)
+            log_miss = k * elementary.log(miss) if miss > 0.0 else 0.0
+            log_hit = k * elementary.log(hit)
             log_weight[i, 0, j], log_weight[i, 1, j] = log_miss, log_hit
             if k == 1.0:
                 weight[i, 0, j], weight[i, 1, j] = miss, hit
             else:
-                weight[i, 0, j] = math.exp(log_miss) if miss > 0.0 else 0.0
-                weight[i, 1, j] = math.exp(log_hit)
+                weight[i, 0, j] = elementary.exp(log_miss) if miss > 0.0 else 0.0
+                weight[i, 1, j] = elementary.exp(log_hit)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -246,9 +248,9 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
                     weight[i, h, j] = 0.0
                     log_weight[i, h, j] = 0.0
                 else:
-                    log_w = power[i] * math.log(value)
+                    log_w = power[i] * elementary.log(value)
                     log_weight[i, h, j] = log_w
-                    weight[i, h, j] = value if power[i] == 1.0 else math.exp(log_w)
+                    weight[i, h, j] = value if power[i] == 1.0 else elementary.exp(log_w)
 
 
 def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: float) -> float:
@@ -261,7 +263,7 @@ def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: f
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464.
     """
     spread_m2 = diffusivity_m2_s * lifetime_s
-    return math.sqrt(spread_m2 / (1.0 + speed_m_s**2 * lifetime_s / (4.0 * diffusivity_m2_s)))
+    return math.sqrt(spread_m2 / (1.0 + speed_m_s * speed_m_s * lifetime_s / (4.0 * diffusivity_m2_s)))
 
 
 def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s: float) -> float:
@@ -273,7 +275,8 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
     Source:
         Taylor 1922, doi:10.1112/plms/s2-20.1.196, for times longer than T and small deviations.
     """
-    return (speed_m_s * spread_rad) ** 2 * correlation_s
+    across_m_s = speed_m_s * spread_rad
+    return across_m_s * across_m_s * correlation_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -311,15 +314,15 @@ class EncounterModel:
     @property
     def length_m(self) -> float:
         """Dispersion length of particles, lambda [m]."""
-        return dispersion_length_m(self.diffusivity_m2_s, self.lifetime_s, math.hypot(*self.wind_m_s))
+        return dispersion_length_m(self.diffusivity_m2_s, self.lifetime_s, norm2(*self.wind_m_s))
 
     @property
     def log_strength(self) -> float:
         """Logarithm of what stands before the exponential: R dt / ln(lambda / a) in 2-D [1], R a dt in 3-D [m]."""
-        log_emitted = math.log(self.emission_per_s * self.stop_s)
+        log_emitted = elementary.log(self.emission_per_s * self.stop_s)
         if self.dimensions == 3:
-            return log_emitted + math.log(self.detector_m)
-        return log_emitted - math.log(math.log(max(self.length_m / self.detector_m, _LEAST_RATIO)))
+            return log_emitted + elementary.log(self.detector_m)
+        return log_emitted - elementary.log(elementary.log(max(self.length_m / self.detector_m, _LEAST_RATIO)))
 
     def log_mean_hits(self, places_m: Array, cells_m: Array) -> Array:
         """Return the logarithm of the expected hits of a stop.
@@ -339,12 +342,12 @@ class EncounterModel:
 
     def calibrated(self, hits_per_stop: float) -> Self:
         """Return the model whose source causes so many hits a stop at 1 m straight downwind (any side in calm air)."""
-        speed_m_s = math.hypot(*self.wind_m_s)
+        speed_m_s = norm2(*self.wind_m_s)
         away = (1.0, 0.0) if speed_m_s == 0.0 else (self.wind_m_s[0] / speed_m_s, self.wind_m_s[1] / speed_m_s)
         place_m = np.zeros((1, self.dimensions))
         place_m[0, :2] = REFERENCE_M * away[0], REFERENCE_M * away[1]
         found = float(self.log_mean_hits(place_m, np.zeros((1, self.dimensions)))[0, 0])
-        emission_per_s = self.emission_per_s * math.exp(math.log(hits_per_stop) - found)
+        emission_per_s = self.emission_per_s * elementary.exp(elementary.log(hits_per_stop) - found)
         return type(self)(**{**self.__dict__, "emission_per_s": emission_per_s})
 
 
@@ -374,7 +377,7 @@ class PlumeAssumption:
 
     def model(self, wind_m_s: tuple[float, float], spread_rad: float) -> EncounterModel:
         """Return the encounter model in a wind: the mean of what was felt [m/s] and how far its direction spreads."""
-        speed_m_s = math.hypot(*wind_m_s)
+        speed_m_s = norm2(*wind_m_s)
         meander = meander_diffusivity_m2_s(speed_m_s, spread_rad, self.correlation_s)
         model = EncounterModel(
             dimensions=self.dimensions,
@@ -412,7 +415,8 @@ def nominal_dispersal(
         Our derivation from the filament model of Farrell et al. 2002, doi:10.1023/A:1016283702837.
     """
     amount_ppm_m3 = plume.release_ppm_m3_s / plume.puffs_per_s
-    width_m2 = (amount_ppm_m3 / (threshold_ppm * (2.0 * math.pi) ** 1.5)) ** (2.0 / 3.0)
+    width_m = elementary.cbrt(amount_ppm_m3 / threshold_ppm)
+    width_m2 = width_m * width_m / (2.0 * math.pi)
     age_s = REFERENCE_M / max(plume.wind_speed_m_s, _LEAST_SPEED_M_S)
     return PlumeAssumption(
         dimensions=dimensions,
@@ -428,16 +432,18 @@ def nominal_dispersal(
 
 def _overlap(plume: NominalPlume, width_m2: float, age_s: float) -> float:
     # `width_m2` is the sigma^2 at which a puff's centre is at the threshold: ln(c / c_th) = 1.5 ln(width / sigma^2).
-    sigma_m2 = plume.initial_sigma_m**2 + plume.growth_m2_s * age_s
-    reach_m2 = 2.0 * sigma_m2 * max(0.0, 1.5 * math.log(width_m2 / sigma_m2))
-    spread_m2 = 2.0 * plume.diffusivity_m2_s * age_s + plume.initial_sigma_m**2
-    return -math.expm1(-reach_m2 / (2.0 * spread_m2))
+    sigma_m2 = plume.initial_sigma_m * plume.initial_sigma_m + plume.growth_m2_s * age_s
+    reach_m2 = 2.0 * sigma_m2 * max(0.0, 1.5 * elementary.log(width_m2 / sigma_m2))
+    spread_m2 = 2.0 * plume.diffusivity_m2_s * age_s + plume.initial_sigma_m * plume.initial_sigma_m
+    return -elementary.expm1(-reach_m2 / (2.0 * spread_m2))
 
 
 def _fading_s(plume: NominalPlume, width_m2: float) -> float:
     if plume.growth_m2_s <= 0.0:
         return _LONGEST_LIFE_S
-    return min(_LONGEST_LIFE_S, max(1.0, (width_m2 - plume.initial_sigma_m**2) / plume.growth_m2_s))
+    return min(
+        _LONGEST_LIFE_S, max(1.0, (width_m2 - plume.initial_sigma_m * plume.initial_sigma_m) / plume.growth_m2_s)
+    )
 
 
 def likelihoods(

@@ -14,6 +14,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import distance
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
 
 N_MOVES = 9
@@ -216,7 +218,7 @@ def best_back(chances, is_solid, last, n_steps):
         log_scale[m] = log_scale[m + 1]
         if highest <= 0.0:
             break
-        log_scale[m] += np.log(highest)
+        log_scale[m] += elementary.log(highest)
         best[m, low_i:high_i, low_j:high_j] /= highest
     return best, hop, log_scale
 
@@ -233,7 +235,8 @@ def count_hops_per_step(step_s: float, fastest_m_s: float, cell_m: float, spread
         spread_m_sqrt_s: Spread s of parcels [m / sqrt(s)].
     """
     n = max(1, math.ceil(fastest_m_s * step_s / (_LONGEST_HOP * cell_m)))
-    while (fastest_m_s * step_s / (n * cell_m)) ** 2 + spread_m_sqrt_s**2 * step_s / (n * cell_m**2) > 1.0:
+    hop, spread = fastest_m_s * step_s / cell_m, spread_m_sqrt_s * spread_m_sqrt_s * step_s / (cell_m * cell_m)
+    while hop * hop / (n * n) + spread / n > 1.0:
         n += 1
     return n
 
@@ -307,8 +310,7 @@ def compute_finding_likelihoods(
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068, with the chain's chances in place of a uniform wind's.
     """
-    with np.errstate(divide="ignore"):
-        missed = np.log1p(-detection_probability * chance)
+    missed = elementary.log1p_each(-detection_probability * chance)
     return chance.mean(axis=0), puffs_per_hop * missed.sum(axis=0)
 
 
@@ -342,7 +344,7 @@ def likeliest_path(plume: ParcelChain, sensor: Cell, source: Array) -> PlumePath
     for m in range(n - 1, -1, -1):
         together = source * best[m]
         peak = float(together.max())
-        value = math.log(peak) + float(log_scale[m]) if peak > 0.0 else -math.inf
+        value = elementary.log(peak) + float(log_scale[m]) if peak > 0.0 else -math.inf
         if value > highest + 1e-12:
             i, j = np.unravel_index(int(together.argmax()), together.shape)
             highest, start = value, (m, int(i), int(j))
@@ -368,7 +370,7 @@ def place_along_m(path: PlumePath, grid: CellGrid, back_m: float) -> tuple[float
     """Return the centre of the path's cell that lies at least so far back from the sensor, or its start [m]."""
     places_m = [grid.centre_m(cell) for cell in path.cells]
     end_m = places_m[-1]
-    x_m, y_m = next((place_m for place_m in reversed(places_m) if math.dist(place_m, end_m) >= back_m), places_m[0])
+    x_m, y_m = next((place_m for place_m in reversed(places_m) if distance(place_m, end_m) >= back_m), places_m[0])
     return x_m, y_m
 
 

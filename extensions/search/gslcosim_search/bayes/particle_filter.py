@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Bounds
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised, normalised_from_log
 
 # Beyond this exponent, 2e-9, a puff changes no weight that matters.
@@ -66,8 +67,8 @@ def log_miss_of_particles(place_m, sensor_m, displacement_m, variance_m2, detect
             dx_m, dy_m = place_m[p, 0] - centre_m[k, 0], place_m[p, 1] - centre_m[k, 1]
             exponent = dx_m * dx_m * half_per_m2[k, 0] + dy_m * dy_m * half_per_m2[k, 1]
             if exponent < FARTHEST_EXPONENT:
-                product = max(LEAST_PRODUCT, product * (1.0 - min(1.0, height[k] * math.exp(-exponent))))
-        log_miss[p] = math.log(product)
+                product = max(LEAST_PRODUCT, product * (1.0 - min(1.0, height[k] * elementary.exp(-exponent))))
+        log_miss[p] = elementary.log(product)
     return log_miss
 
 
@@ -122,7 +123,7 @@ def wind_spread_m_sqrt_s(winds_m_s: Array, step_s: float, least_m_sqrt_s: float)
 def puff_variances_m2(n: int, step_s: float, spread_m_sqrt_s: Array, first_sigma_m: float) -> Array:
     """Return (n, 2) variances of puffs of age 0, 1, 2, ... steps: v(m) = first^2 + s^2 m dt, by axis [m2]."""
     ages_s = np.arange(n, dtype=np.float64) * step_s
-    return first_sigma_m**2 + ages_s[:, None] * spread_m_sqrt_s[None, :] ** 2
+    return first_sigma_m * first_sigma_m + ages_s[:, None] * np.square(spread_m_sqrt_s)
 
 
 class ParticleCloud:
@@ -152,11 +153,11 @@ class ParticleCloud:
 
     def n_effective(self) -> float:
         """Return the effective number of particles: 1 / sum of w^2."""
-        return 1.0 / float((self.weights() ** 2).sum())
+        return 1.0 / float(np.square(self.weights()).sum())
 
     def mean_m(self) -> tuple[float, float]:
         """Return the weighted mean place, world frame [m]."""
-        x_m, y_m = self.weights() @ self.places_m
+        x_m, y_m = elementary.product(self.weights(), self.places_m)
         return float(x_m), float(y_m)
 
     def clear(self) -> None:
@@ -188,7 +189,9 @@ class ParticleCloud:
             self._put(born_m)
             return
         replaced = self._rng.choice(self._n, size=n_born, replace=False)
-        self._log_weights[replaced] = math.log(1.0 / self._n) + float(np.logaddexp.reduce(self._log_weights))
+        highest = self._log_weights.max()
+        mean = float(elementary.exp_each(self._log_weights - highest).mean())
+        self._log_weights[replaced] = highest + elementary.log(mean)
         self.places_m[replaced] = np.clip(born_m, self._min_m, self._max_m)
 
     def weigh(self, log_miss: Array, *, is_hit: bool, floor_frac: float = 0.0) -> None:
@@ -201,9 +204,9 @@ class ParticleCloud:
             is_hit: Whether gas was detected.
             floor_frac: The floor f: no single finding takes more away.
         """
-        chance = -np.expm1(log_miss) if is_hit else np.exp(log_miss)
+        chance = -elementary.expm1_each(log_miss) if is_hit else elementary.exp_each(log_miss)
         floored = (1.0 - floor_frac) * chance + floor_frac
-        self._log_weights += np.log(np.maximum(floored, math.exp(_LEAST_LOG)))
+        self._log_weights += elementary.log_each(np.maximum(floored, elementary.exp(_LEAST_LOG)))
         self._log_weights -= self._log_weights.max()
 
     def resample(self, *, jitter_m: float | None = None) -> None:
@@ -221,9 +224,11 @@ class ParticleCloud:
             changes what the weights say; this does not, but for the jitter.
         """
         weights = self.weights()
-        mean_m = weights @ self.places_m
+        mean_m = elementary.product(weights, self.places_m)
         offsets_m = self.places_m - mean_m
-        sigma_m = np.sqrt(weights @ offsets_m**2) * self._n ** (-1.0 / 6.0)
+        sigma_m = np.sqrt(elementary.product(weights, np.square(offsets_m))) / math.sqrt(
+            elementary.cbrt(float(self._n))
+        )
         scale_m = sigma_m if jitter_m is None else np.full(2, jitter_m)
         kept_m = self.places_m[systematic_indices(weights, float(self._rng.random()))]
         self._put(kept_m + scale_m * self._rng.standard_normal(kept_m.shape))

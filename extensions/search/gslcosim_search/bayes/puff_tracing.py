@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, distances_m, normalised_from_log
 from gslcosim_search.senses.wind_field import WindField, WindRecord
 
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 @numba.njit(cache=True)
 def _normal_below(x):
-    return 0.5 * math.erfc(-x * 0.7071067811865476)
+    return 0.5 * elementary.erfc(-x * 0.7071067811865476)
 
 
 @numba.njit(cache=True)
@@ -95,7 +96,10 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
                 )
     if n_puffs > 0:
         mean_share /= n_puffs
-    return mean_share, np.log(product)
+    for i in range(n_x):
+        for j in range(n_y):
+            product[i, j] = elementary.log(product[i, j])
+    return mean_share, product
 
 
 @numba.njit(cache=True)
@@ -174,7 +178,7 @@ class PuffModel:
         v(m) = s0^2 + s^2 m dt        [m2] = [m2] + [m2/s] [s]
         """
         ages_s = np.arange(n_displacements, dtype=np.float64) * self.step_s
-        variance_m2 = self.initial_sigma_m**2 + self.spread_m_sqrt_s**2 * ages_s
+        variance_m2 = self.initial_sigma_m * self.initial_sigma_m + self.spread_m_sqrt_s * self.spread_m_sqrt_s * ages_s
         return np.stack([variance_m2, variance_m2], axis=1)
 
 
@@ -254,19 +258,18 @@ class SourceMap:
 
     def miss(self, log_share: Array) -> None:
         """Take note that nothing was detected; `log_share` is ln gamma."""
-        self.multiply(np.exp(log_share))
+        self.multiply(elementary.exp_each(log_share))
 
     def reject(self, place_m: Sequence[float], radius_m: float, *, left_frac: float = 0.01) -> None:
         """Take note that the source is not within a radius of a place: so little of the probability is left there."""
         is_near = distances_m(self.grid, place_m) <= radius_m
-        updated = self.log_p + np.where(is_near, math.log(left_frac), 0.0)
+        updated = self.log_p + np.where(is_near, elementary.log(left_frac), 0.0)
         self.log_p = updated - float(updated.max())
 
     def multiply(self, likelihood: Array) -> None:
         """Multiply by a likelihood between 0 and 1, raised to the floor."""
         floored = (1.0 - self._floor_frac) * likelihood + self._floor_frac
-        with np.errstate(divide="ignore"):
-            updated = self.log_p + np.log(floored)
+        updated = self.log_p + elementary.log_each(floored)
         highest = float(updated.max())
         # Measurements that together rule out every cell are a wrong model, not a proof: the map stays as it was.
         if math.isfinite(highest):
@@ -289,12 +292,12 @@ def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequen
     n_x, n_y = 2 * shape[0] - 1, 2 * shape[1] - 1
     low_m = np.array([-0.5 * n_x * cell_m, -0.5 * n_y * cell_m])
     variance_m2, first = model.variances_m2(len(travelled_m)), model.first_age
-    sensed_m2 = cell_m**2 if model.sensed_m2 is None else model.sensed_m2
+    sensed_m2 = cell_m * cell_m if model.sensed_m2 is None else model.sensed_m2
     _, log_share = trace_puffs(
         low_m, cell_m, n_x, n_y, np.zeros(2), travelled_m[first:], variance_m2[first:],
         model.detection_probability, sensed_m2,
     )  # fmt: skip
-    return -np.expm1(log_share)
+    return -elementary.expm1_each(log_share)
 
 
 def update(
@@ -311,7 +314,7 @@ def update(
     variance_m2 = model.variances_m2(len(travelled_m))
     low_m, sensor = np.array(grid.origin_m[:2]), np.array(sensor_m[:2], dtype=np.float64)
     n_x, n_y = grid.shape
-    sensed_m2 = grid.cell_m**2 if model.sensed_m2 is None else model.sensed_m2
+    sensed_m2 = grid.cell_m * grid.cell_m if model.sensed_m2 is None else model.sensed_m2
     mean_share, log_share = trace_puffs(
         low_m, grid.cell_m, n_x, n_y, sensor, travelled_m[first:], variance_m2[first:],
         model.detection_probability, sensed_m2,

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
 from gslcosim_search.bayes.particle_filter import systematic_indices
 from gslcosim_search.beliefs import CellGrid, normalised, normalised_from_log
 
@@ -33,7 +34,8 @@ Array = NDArray[np.float64]
 TERMS = ("x_m", "y_m", "z_m", "rate", "speed", "direction_rad", "diffusivity_m2_s", "lifetime_s")
 _POSITIVE = ("rate", "speed", "diffusivity_m2_s", "lifetime_s")
 _ROUNDING = 1e-12
-_LOG_REJECTED = math.log(0.01)
+_LOG_REJECTED = -4.605170185988091  # ln 0.01
+_LN_2 = 0.6931471805599453
 
 
 @numba.njit(cache=True)
@@ -61,11 +63,11 @@ def isotropic_plume(terms, place_m, speed_m_s, direction_rad, source_radius_m):
     angle_rad = direction_rad + terms[DIRECTION]
     dx_m, dy_m, dz_m = place_m[0] - terms[X], place_m[1] - terms[Y], place_m[2] - terms[Z]
     distance_m = max(math.sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m), source_radius_m)
-    along_m = dx_m * math.cos(angle_rad) + dy_m * math.sin(angle_rad)
+    along_m = dx_m * elementary.cos(angle_rad) + dy_m * elementary.sin(angle_rad)
     d, tau = terms[DIFFUSIVITY], terms[LIFETIME]
     length_m = math.sqrt(d * tau / (1.0 + speed_m_s * speed_m_s * tau / (4.0 * d)))
     exponent = along_m * speed_m_s / (2.0 * d) - distance_m / length_m
-    return terms[RATE] / (4.0 * math.pi * d * distance_m) * math.exp(max(LEAST_LOG, exponent))
+    return terms[RATE] / (4.0 * math.pi * d * distance_m) * elementary.exp(max(LEAST_LOG, exponent))
 
 
 @numba.njit(cache=True)
@@ -86,14 +88,16 @@ def gaussian_plume(terms, place_m, speed_m_s, direction_rad, source_radius_m):
     speed_m_s *= terms[SPEED]
     angle_rad = direction_rad + terms[DIRECTION]
     dx_m, dy_m = place_m[0] - terms[X], place_m[1] - terms[Y]
-    along_m = dx_m * math.cos(angle_rad) + dy_m * math.sin(angle_rad)
+    along_m = dx_m * elementary.cos(angle_rad) + dy_m * elementary.sin(angle_rad)
     if along_m <= 0.0 or speed_m_s <= 0.0:
         return 0.0
-    across_m = dy_m * math.cos(angle_rad) - dx_m * math.sin(angle_rad)
+    across_m = dy_m * elementary.cos(angle_rad) - dx_m * elementary.sin(angle_rad)
     variance_m2 = source_radius_m * source_radius_m + 2.0 * terms[DIFFUSIVITY] * along_m / speed_m_s
     below_m, above_m = place_m[2] - terms[Z], place_m[2] + terms[Z]
-    vertical = math.exp(-0.5 * below_m * below_m / variance_m2) + math.exp(-0.5 * above_m * above_m / variance_m2)
-    horizontal = math.exp(-0.5 * across_m * across_m / variance_m2)
+    vertical = elementary.exp(-0.5 * below_m * below_m / variance_m2) + elementary.exp(
+        -0.5 * above_m * above_m / variance_m2
+    )
+    horizontal = elementary.exp(-0.5 * across_m * across_m / variance_m2)
     return terms[RATE] / (2.0 * math.pi * speed_m_s * variance_m2) * horizontal * vertical
 
 
@@ -123,17 +127,23 @@ def log_likelihood_of_reading(reading, amount, threshold, noise_frac, noise_floo
     """
     if sensor == NORMAL:
         if reading <= threshold:
-            chance = 0.5 * math.erfc((amount - threshold) / (threshold * math.sqrt(2.0)))
-            return math.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
+            chance = 0.5 * elementary.erfc((amount - threshold) / (threshold * math.sqrt(2.0)))
+            return elementary.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
         sigma = noise_frac * amount + noise_floor
         off = (reading - amount) / sigma
-        return math.log(detection_probability) - 0.5 * off * off - math.log(sigma) - _LOG_SQRT_2_PI
-    log_amount = math.log(max(LEAST_AMOUNT, amount))
+        return elementary.log(detection_probability) - 0.5 * off * off - elementary.log(sigma) - _LOG_SQRT_2_PI
+    log_amount = elementary.log(max(LEAST_AMOUNT, amount))
     if reading <= threshold:
-        chance = 0.5 * math.erfc((log_amount - math.log(threshold)) / (noise_frac * math.sqrt(2.0)))
-        return math.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
-    off = (math.log(reading) - log_amount) / noise_frac
-    return math.log(detection_probability) - 0.5 * off * off - math.log(noise_frac) - _LOG_SQRT_2_PI - math.log(reading)
+        chance = 0.5 * elementary.erfc((log_amount - elementary.log(threshold)) / (noise_frac * math.sqrt(2.0)))
+        return elementary.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
+    off = (elementary.log(reading) - log_amount) / noise_frac
+    return (
+        elementary.log(detection_probability)
+        - 0.5 * off * off
+        - elementary.log(noise_frac)
+        - _LOG_SQRT_2_PI
+        - elementary.log(reading)
+    )
 
 
 @numba.njit(cache=True)
@@ -190,7 +200,7 @@ def sampled_reading(amount, uniform, normal, threshold, noise_frac, noise_floor,
     if sensor == NORMAL:
         reading = amount + (noise_frac * amount + noise_floor) * normal
     else:
-        reading = max(LEAST_AMOUNT, amount) * math.exp(noise_frac * normal)
+        reading = max(LEAST_AMOUNT, amount) * elementary.exp(noise_frac * normal)
     return reading if reading > threshold else 0.0
 
 
@@ -242,10 +252,10 @@ def _divergence_bits(log_weight):
     n, highest = log_weight.shape[0], log_weight.max()
     total, mean = 0.0, 0.0
     for i in range(n):
-        weight = math.exp(log_weight[i] - highest)
+        weight = elementary.exp(log_weight[i] - highest)
         total += weight
         mean += weight * (log_weight[i] - highest)
-    return max(0.0, (mean / total - math.log(total) + math.log(n)) / math.log(2.0))
+    return max(0.0, (mean / total - elementary.log(total) + elementary.log(float(n))) / _LN_2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +275,7 @@ class TermPrior:
         if self.kind == "uniform":
             return rng.uniform(self.a, self.b, n)
         if self.kind == "log_uniform":
-            return np.exp(rng.uniform(math.log(self.a), math.log(self.b), n))
+            return elementary.exp_each(rng.uniform(elementary.log(self.a), elementary.log(self.b), n))
         if self.kind == "normal":
             return rng.normal(self.a, self.b, n)
         return rng.gamma(self.a, self.b, n)
@@ -273,12 +283,12 @@ class TermPrior:
     def log_density(self, value: Array) -> Array:
         """Return the logarithm of the density, but for a constant; minus infinity where it is 0."""
         if self.kind == "normal":
-            return -0.5 * ((value - self.a) / self.b) ** 2
+            return -0.5 * np.square((value - self.a) / self.b)
         safe = np.maximum(value, np.finfo(np.float64).tiny)
         if self.kind == "gamma":
-            return np.where(value > 0.0, (self.a - 1.0) * np.log(safe) - safe / self.b, -np.inf)
+            return np.where(value > 0.0, (self.a - 1.0) * elementary.log_each(safe) - safe / self.b, -np.inf)
         inside = (value >= self.a) & (value <= self.b)
-        return np.where(inside, 0.0 if self.kind == "uniform" else -np.log(safe), -np.inf)
+        return np.where(inside, 0.0 if self.kind == "uniform" else -elementary.log_each(safe), -np.inf)
 
 
 @dataclass(frozen=True)
@@ -348,7 +358,7 @@ def kernel_width(n_particles: int, dimensions: int = N_TERMS) -> float:
     Source:
         Silverman 1986, Density Estimation, equation 4.14; Hutchinson, Liu, Chen 2018.
     """
-    return (4.0 / (dimensions + 2.0) / n_particles) ** (1.0 / (dimensions + 4.0))
+    return elementary.pow(4.0 / (dimensions + 2.0) / n_particles, 1.0 / (dimensions + 4.0))
 
 
 class SourceTermFilter:
@@ -400,11 +410,11 @@ class SourceTermFilter:
 
     def n_effective(self) -> float:
         """Return the effective number of particles: 1 / sum of w^2."""
-        return 1.0 / float((self.weights() ** 2).sum())
+        return 1.0 / float(np.square(self.weights()).sum())
 
     def mean(self) -> dict[str, float]:
         """Return the weighted mean of each term, by name."""
-        return dict(zip(TERMS, (self.weights() @ self.terms).tolist(), strict=True))
+        return dict(zip(TERMS, elementary.product(self.weights(), self.terms).tolist(), strict=True))
 
     def read(self, place_m: Sequence[float], ppm: float, *, speed_m_s: float = 1.0, direction_rad: float = 0.0) -> None:
         """Take a reading, and draw particles again where too few count.
@@ -475,14 +485,14 @@ class SourceTermFilter:
         self._log_weights = np.zeros(len(self.terms))
         n = len(self.terms)
         for _ in range(self._n_moves):
-            step = kernel_width(n) * self._rng.standard_normal((n, N_TERMS)) @ root.T
+            step = elementary.product(kernel_width(n) * self._rng.standard_normal((n, N_TERMS)), root.T)
             proposed = self.terms + step
             self._take(proposed, self._prior.log_density(proposed) - self._prior.log_density(self.terms))
         self._take(self._prior.draw(n, self._rng), np.zeros(n))
 
     # Metropolis and Hastings: the gain of the prior comes with the proposal, that of the readings is added.
     def _take(self, proposed: Array, gain: Array) -> None:
-        chance = np.log1p(-self._rng.random(len(proposed)))
+        chance = elementary.log1p_each(-self._rng.random(len(proposed)))
         possible = np.flatnonzero(np.isfinite(gain))
         log_likelihoods_there = self._all_likelihoods(proposed[possible])
         gain_there = gain[possible] + log_likelihoods_there - self._log_likelihoods[possible]
@@ -505,19 +515,24 @@ class SourceTermFilter:
 def _log_rejection(terms: Array, rejected: Sequence[tuple[float, float, float]]) -> Array:
     total = np.zeros(len(terms))
     for x_m, y_m, radius_m in rejected:
-        total += np.where(np.hypot(terms[:, 0] - x_m, terms[:, 1] - y_m) <= radius_m, _LOG_REJECTED, 0.0)
+        total += np.where(np.linalg.norm(terms[:, :2] - (x_m, y_m), axis=1) <= radius_m, _LOG_REJECTED, 0.0)
     return total
 
 
 def _covariance(terms: Array, weights: Array) -> Array:
-    offsets = terms - weights @ terms
-    return (offsets * weights[:, None]).T @ offsets
+    offsets = terms - elementary.product(weights, terms)
+    return elementary.product((offsets * weights[:, None]).T, offsets)
 
 
-# A root L with L L' = C also of a covariance that has no volume, after too few particles were left.
+# Cholesky's root L with L L' = C, also of a covariance that has no volume, after too few particles were left.
 def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, _ROUNDING * max(float(values.max()), _ROUNDING)))
+    least = _ROUNDING * max(float(covariance.diagonal().max()), _ROUNDING)
+    root = np.zeros_like(covariance)
+    for j in range(len(covariance)):
+        column = covariance[j:, j] - (root[j:, :j] * root[j, :j]).sum(axis=1)
+        column[0] = max(column[0], least)
+        root[j:, j] = column / math.sqrt(column[0])
+    return root
 
 
 def warm_up(model: PlumeSensor) -> None:

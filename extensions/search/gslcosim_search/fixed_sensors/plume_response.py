@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ShapeError
+from gslcosim_search import elementary
 
 Floats = NDArray[np.float64]
 
@@ -59,9 +60,9 @@ class WindStatistics:
         s_across^2 = (s_x e_y)^2 + (s_y e_x)^2, e the mean wind's direction: as if x and y did not go together.
         """
         mean = np.ascontiguousarray(mean_world_m_s[:, :2])
-        speed = np.hypot(mean[:, 0], mean[:, 1])
+        speed = np.linalg.norm(mean, axis=1)
         along = mean / np.where(speed > 0.0, speed, 1.0)[:, None]
-        across = np.hypot(std_world_m_s[:, 0] * along[:, 1], std_world_m_s[:, 1] * along[:, 0])
+        across = np.linalg.norm(std_world_m_s[:, :2] * along[:, ::-1], axis=1)
         return cls(mean, across, np.ascontiguousarray(std_world_m_s[:, 2]))
 
 
@@ -71,7 +72,7 @@ def _responses(points_m, wind_m_s, across_std_m_s, up_std_m_s, source_m, source_
     total = np.zeros((n, k))
     h = source_m[2]
     for i in range(n):
-        u = math.hypot(wind_m_s[i, 0], wind_m_s[i, 1])
+        u = math.sqrt(wind_m_s[i, 0] ** 2 + wind_m_s[i, 1] ** 2)
         if not u > 0.0:
             total[i] = math.nan
             continue
@@ -83,12 +84,14 @@ def _responses(points_m, wind_m_s, across_std_m_s, up_std_m_s, source_m, source_
                 if x <= 0.0:
                     continue
                 y, z, t = dy * e_x - dx * e_y, points_m[j, m, 2], x / u
-                sigma_y = math.hypot(source_sigma_m, across_std_m_s[i] * t)
+                sigma_y = math.sqrt(source_sigma_m**2 + (across_std_m_s[i] * t) ** 2)
                 if abs(y) > _FARTHEST * sigma_y:
                     continue
-                sigma_z = math.hypot(source_sigma_m, up_std_m_s[i] * t)
-                upward = math.exp(-0.5 * ((z - h) / sigma_z) ** 2) + math.exp(-0.5 * ((z + h) / sigma_z) ** 2)
-                across = math.exp(-0.5 * (y / sigma_y) ** 2)
+                sigma_z = math.sqrt(source_sigma_m**2 + (up_std_m_s[i] * t) ** 2)
+                upward = elementary.exp(-0.5 * ((z - h) / sigma_z) ** 2) + elementary.exp(
+                    -0.5 * ((z + h) / sigma_z) ** 2
+                )
+                across = elementary.exp(-0.5 * (y / sigma_y) ** 2)
                 total[i, j] += across * upward / (2.0 * math.pi * sigma_y * sigma_z * u)
             total[i, j] *= 1e6 / p
     return total

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ShapeError
+from gslcosim_search import elementary
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ def surface_fluctuations_m_s(
     Left out:
         Stability: on clear nights both are smaller, on hot days larger.
     """
-    friction_m_s = VON_KARMAN * np.maximum(speed_m_s, _LEAST_SPEED_M_S) / math.log(height_m / roughness_m)
+    friction_m_s = VON_KARMAN * np.maximum(speed_m_s, _LEAST_SPEED_M_S) / elementary.log(height_m / roughness_m)
     return 1.92 * friction_m_s, 1.25 * friction_m_s
 
 
@@ -74,7 +75,7 @@ class WindRecord:
             is_known = np.isfinite(mean[:, axis])
             if is_known.any():
                 mean[:, axis] = np.interp(start_s, start_s[is_known], mean[is_known, axis])
-        across, up = surface_fluctuations_m_s(np.hypot(mean[:, 0], mean[:, 1]), height_m)
+        across, up = surface_fluctuations_m_s(np.linalg.norm(mean, axis=1), height_m)
         return cls(start_s, period_s, mean, across, up)
 
     def rows(self, first: int, end: int) -> "WindRecord":
@@ -96,7 +97,7 @@ def _mean_of_puffs(
     n, k = across_std_m_s.shape[0], points_m.shape[0]
     total = np.zeros((n, k))
     h = source_m[2]
-    norm = (2.0 * math.pi) ** 1.5
+    norm = 2.0 * math.pi * math.sqrt(2.0 * math.pi)
     for i in range(n):
         for part in range(n_sub):
             now = i * n_sub + part
@@ -117,8 +118,10 @@ def _mean_of_puffs(
                     if squared > _FARTHEST_SQUARED * flat:
                         continue
                     z = points_m[j, 2]
-                    upward = math.exp(-0.5 * (z - h) ** 2 / tall) + math.exp(-0.5 * (z + h) ** 2 / tall)
-                    total[i, j] += step_s * math.exp(-0.5 * squared / flat) * upward / (norm * flat * math.sqrt(tall))
+                    upward = elementary.exp(-0.5 * (z - h) ** 2 / tall) + elementary.exp(-0.5 * (z + h) ** 2 / tall)
+                    total[i, j] += (
+                        step_s * elementary.exp(-0.5 * squared / flat) * upward / (norm * flat * math.sqrt(tall))
+                    )
     return 1e6 * total / n_sub
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
 from gslcosim_search.fixed_sensors.background import background_beside_plumes
 
 Floats = NDArray[np.float64]
@@ -85,13 +86,13 @@ def fit_terms(
     is_known = np.isfinite(r) & np.isfinite(o)
     r, o = np.where(is_known, r, 0.0), np.where(is_known, o, prior.mean_ppm)
     counted = is_known * (1.0 if weight is None else np.repeat(weight, k))
-    pull = 1.0 / prior.std_ppm**2
+    pull = 1.0 / (prior.std_ppm * prior.std_ppm)
     w, model_error = counted.copy(), 0.5
     rate, background, residual, variance = 0.0, np.full(n_cells, prior.mean_ppm), o, np.ones(n * k)
     for _ in range(_ITERATIONS):
         sum_w, sum_r, sum_o = (np.bincount(cell, w * x, n_cells) for x in (np.ones(n * k), r, o))
         with_prior = sum_w + pull
-        rr = float((w * r * r).sum() - (sum_r**2 / with_prior).sum())
+        rr = float((w * r * r).sum() - (np.square(sum_r) / with_prior).sum())
         ro = float((w * r * o).sum() - (sum_r * (sum_o + pull * prior.mean_ppm) / with_prior).sum())
         rate = max(ro / rr, 0.0) if rr > 0.0 else 0.0
         background = (sum_o - rate * sum_r + pull * prior.mean_ppm) / with_prior
@@ -101,10 +102,11 @@ def fit_terms(
         if is_clear.sum() > _CLEAR_ERRORS:
             relative = np.abs(residual[is_clear]) / plume[is_clear]
             model_error = float(np.clip(_NORMAL_BY_MEDIAN * np.median(relative), *_MODEL_ERROR))
-        variance = reading_error_ppm**2 + (model_error * plume) ** 2
-        w = counted * (_FREEDOM + 1.0) / (_FREEDOM + residual**2 / variance) / variance
-    each = -0.5 * (_FREEDOM + 1.0) * np.log1p(residual**2 / (_FREEDOM * variance)) - 0.5 * np.log(variance)
-    log_prior = -0.5 * pull * ((background - prior.mean_ppm) ** 2).sum()
+        variance = reading_error_ppm * reading_error_ppm + np.square(model_error * plume)
+        w = counted * (_FREEDOM + 1.0) / (_FREEDOM + np.square(residual) / variance) / variance
+    tails = elementary.log1p_each(np.square(residual) / (_FREEDOM * variance))
+    each = -0.5 * (_FREEDOM + 1.0) * tails - 0.5 * elementary.log_each(variance)
+    log_prior = -0.5 * pull * np.square(background - prior.mean_ppm).sum()
     return TermsFit(float((counted * each).sum() + log_prior), rate, background.reshape(-1, k))
 
 

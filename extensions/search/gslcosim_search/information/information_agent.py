@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, commands
-from gslcosim_search import beliefs
+from gslcosim.base.scalar_kernels import distance, norm2
+from gslcosim_search import beliefs, elementary
 from gslcosim_search.bayes.encounter_model import EncounterModel, PlumeAssumption, likelihoods, nominal_dispersal
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.information.objectives import (
@@ -90,12 +91,12 @@ class PlanningContext:
     @property
     def cells_per_step(self) -> float:
         """Number of cells in a square or cube of the size of a step."""
-        return max(1.0, (self.step_m / self.cell_m) ** self.cells_m.shape[1])
+        return max(1.0, math.prod([self.step_m / self.cell_m] * self.cells_m.shape[1]))
 
     @property
     def mean_m(self) -> Place:
         """Mean of the belief [m]."""
-        return tuple(float(x) for x in self.p @ self.cells_m)
+        return tuple(float(x) for x in elementary.product(self.p, self.cells_m))
 
     def predict(self, *, alpha: float = 0.0) -> Predictions:
         """Return the predictions for the next stop, with and without a hit; see `objectives.predict_stops`."""
@@ -244,7 +245,7 @@ class InformationAgent(SearchAgent):
         likelihood, _, log_likelihood = likelihoods(log_mean, floor=settings.floor)
         for i, finding in enumerate(findings):
             outcome, novelty = int(finding.is_hit), float(self._novelty(places_m[i : i + 1])[0])
-            predictive = likelihood[i] @ memory.p
+            predictive = (likelihood[i] * memory.p).sum(axis=1)
             memory.p = update_belief(memory.p, settings.power * novelty * log_likelihood[i, outcome])
             memory.smelled_m.append(tuple(places_m[i]))
             # What was found here before surprises nobody; the model of the plume could not know it.
@@ -254,13 +255,13 @@ class InformationAgent(SearchAgent):
     # Findings at one place are much alike: the second weighs half as much as the first, the third a third.
     def _novelty(self, places_m: Array) -> Array:
         smelled_m = np.array(self._memory.smelled_m[-_N_SMELLED:]).reshape(-1, self.dimensions)
-        squares_m2 = ((places_m[:, None] - smelled_m[None]) ** 2).sum(axis=2)
-        return 1.0 / (1.0 + (squares_m2 < (0.5 * self.settings.step_m) ** 2).sum(axis=1))
+        away_m = np.linalg.norm(places_m[:, None] - smelled_m[None], axis=2)
+        return 1.0 / (1.0 + (away_m < 0.5 * self.settings.step_m).sum(axis=1))
 
     # The run would have ended near the source: what was passed is hardly there.
     def _mark_passed(self, point_m: Place) -> None:
         memory = self._memory
-        has_moved = memory.marked_m is None or math.dist(point_m, memory.marked_m) > 0.5 * self.grid.cell_m
+        has_moved = memory.marked_m is None or distance(point_m, memory.marked_m) > 0.5 * self.grid.cell_m
         if self._arrival_m <= 0.0 or not has_moved:
             return
         memory.marked_m = point_m
@@ -281,16 +282,16 @@ class InformationAgent(SearchAgent):
     def _steps(self) -> list[Place]:
         settings = self.settings
         angles = (2.0 * math.pi * k / settings.n_headings for k in range(settings.n_headings))
-        level = [(settings.step_m * math.cos(angle), settings.step_m * math.sin(angle)) for angle in angles]
+        level = [(settings.step_m * elementary.cos(angle), settings.step_m * elementary.sin(angle)) for angle in angles]
         if self.dimensions == 2:
             return list(level)
         return [(*step, 0.0) for step in level] + [(0.0, 0.0, settings.climb_m), (0.0, 0.0, -settings.climb_m)]
 
     def _near(self, place_m: Array) -> NDArray[np.bool_]:
-        return ((self._cells_m - place_m) ** 2).sum(axis=1) < self._arrival_m**2
+        return np.linalg.norm(self._cells_m - place_m, axis=1) < self._arrival_m
 
     def _is_refused(self, end_m: Place) -> bool:
-        return any(math.dist(end_m, refused_m) < _REFUSED_RADIUS_M for refused_m in self._memory.refused_m)
+        return any(distance(end_m, refused_m) < _REFUSED_RADIUS_M for refused_m in self._memory.refused_m)
 
     def _point(self, observation: Observation) -> Place:
         return observation.position_world_m[: self.dimensions]
@@ -411,12 +412,12 @@ def direction_spread_rad(winds_m_s: Array) -> float:
     Source:
         Mardia and Jupp 2000, Directional Statistics, section 2.3.
     """
-    speeds = np.hypot(winds_m_s[:, 0], winds_m_s[:, 1])
+    speeds = np.linalg.norm(winds_m_s, axis=1)
     units = winds_m_s[speeds > 0.0] / speeds[speeds > 0.0, None]
     if not len(units):
         return 0.0
-    agreement = min(1.0, float(np.hypot(*units.mean(axis=0))))
-    return min(_WIDEST_SPREAD_RAD, math.sqrt(-2.0 * math.log(max(agreement, 1e-6))))
+    agreement = min(1.0, norm2(*units.mean(axis=0).tolist()))
+    return min(_WIDEST_SPREAD_RAD, math.sqrt(-2.0 * elementary.log(max(agreement, 1e-6))))
 
 
 def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> LegSpace:

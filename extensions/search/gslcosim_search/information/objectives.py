@@ -16,10 +16,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
+
 # Columns of `predict_stops_into`.
 PROBABILITY, ENTROPY_BITS, GAIN_BITS, MANHATTAN_M, SQUARE_M2, VARIANCE_M2, RENYI_BITS = range(7)
 N_FIGURES = 7
-_PER_LN_2 = 1.0 / math.log(2.0)
+_PER_LN_2 = 1.4426950408889634
 Array = NDArray[np.float64]
 # Costs closer together than this are equal; the first one is taken, on any machine.
 SAME_COST = 1e-10
@@ -29,7 +31,7 @@ SAME_COST = 1e-10
 def log_or_zero_into(p, log_p):
     """Write the natural logarithm of each probability, 0 where the probability is 0 (nothing is weighted by it)."""
     for j in range(p.shape[0]):
-        log_p[j] = math.log(p[j]) if p[j] > 0.0 else 0.0
+        log_p[j] = elementary.log(p[j]) if p[j] > 0.0 else 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -90,12 +92,12 @@ def predict_stops_into(p, log_p, likelihood, weight, log_weight, cells_m, places
                 if alpha == 0.5:
                     overlap += p[j] * math.sqrt(weight[i, h, j])
                 elif alpha > 0.0:
-                    overlap += p[j] * math.exp(alpha * log_weight[i, h, j])
+                    overlap += p[j] * elementary.exp(alpha * log_weight[i, h, j])
             figures[i, h, :] = 0.0
             figures[i, h, PROBABILITY] = chance
             if z <= 0.0:
                 continue
-            log_z = math.log(z)
+            log_z = elementary.log(z)
             centre = 0.0
             for k in range(n_dimensions):
                 centre += (mean[k] / z) ** 2
@@ -105,7 +107,7 @@ def predict_stops_into(p, log_p, likelihood, weight, log_weight, cells_m, places
             figures[i, h, SQUARE_M2] = square / z
             figures[i, h, VARIANCE_M2] = max(0.0, square / z - centre)
             if alpha > 0.0:
-                figures[i, h, RENYI_BITS] = (math.log(overlap) - alpha * log_z) / (alpha - 1.0) * _PER_LN_2
+                figures[i, h, RENYI_BITS] = (elementary.log(overlap) - alpha * log_z) / (alpha - 1.0) * _PER_LN_2
 
 
 @numba.njit(cache=True, nogil=True)
@@ -131,7 +133,7 @@ def remaining_entropy_bits(p, log_p, likelihood, weight, log_weight):
             z += w
             z_log += w * (log_p[j] + log_weight[h, j])
         if z > 0.0:
-            total += chance * max(0.0, math.log(z) - z_log / z)
+            total += chance * max(0.0, elementary.log(z) - z_log / z)
     return total * _PER_LN_2
 
 
@@ -158,7 +160,7 @@ def posterior_into(p, log_p, weight, log_weight, posterior, log_posterior):
         posterior[:] = 0.0
         log_posterior[:] = 0.0
         return 0.0
-    log_z = math.log(z)
+    log_z = elementary.log(z)
     for j in range(p.shape[0]):
         posterior[j] /= z
         log_posterior[j] = log_p[j] + log_weight[j] - log_z if posterior[j] > 0.0 else 0.0
@@ -190,7 +192,7 @@ class Candidates:
     ) -> "Candidates":
         """Return stops that search through the cells nearer than `reach_m`; `tables` are those of `likelihoods`."""
         for i, place_m in enumerate(places_m):
-            is_found = ((cells_m - place_m) ** 2).sum(axis=1) < reach_m**2
+            is_found = np.linalg.norm(cells_m - place_m, axis=1) < reach_m
             for table in tables:
                 table[i][:, is_found] = 0.0
         likelihood, weight, log_weight = tables
@@ -271,12 +273,11 @@ def update_belief(p: Array, log_weight: Array) -> Array:
         p: Belief, any shape.
         log_weight: Natural logarithm of what the outcome weighs, of the same shape; minus infinity rules out.
     """
-    with np.errstate(divide="ignore"):
-        log_p = np.log(p) + log_weight
+    log_p = elementary.log_each(p) + log_weight
     highest = float(log_p.max())
     if not math.isfinite(highest):
         return p
-    raised = np.exp(log_p - highest)
+    raised = elementary.exp_each(log_p - highest)
     return raised / raised.sum()
 
 
@@ -317,9 +318,9 @@ def space_aware_cost(predictions: Predictions, *, step_m: float, cells_per_step:
     Deviation:
         Their cells are one step large; ours may be smaller.
     """
-    entropy = np.maximum(0.0, predictions.entropy_bits - math.log2(cells_per_step))
-    steps = predictions.manhattan_m / step_m + 2.0 ** (entropy - 1.0) - 0.5
-    value = np.where(steps > 0.0, np.log2(np.maximum(steps, 1e-300)), 0.0)
+    entropy = np.maximum(0.0, predictions.entropy_bits - elementary.log2(cells_per_step))
+    steps = predictions.manhattan_m / step_m + elementary.pow_each(2.0, entropy - 1.0) - 0.5
+    value = np.where(steps > 0.0, elementary.log2_each(np.maximum(steps, 1e-300)), 0.0)
     return _with_sure_finds_first((predictions.probability * value).sum(axis=1), predictions)
 
 
@@ -332,7 +333,7 @@ def entrotaxis_cost(predictions: Predictions) -> Array:
         Hutchinson, Oh, Chen 2018, Entrotaxis, doi:10.1016/j.inffus.2017.10.009 (doi remembered, unverified).
     """
     rho = predictions.predictive
-    return (rho * np.log2(np.where(rho > 0.0, rho, 1.0))).sum(axis=1)
+    return (rho * elementary.log2_each(np.where(rho > 0.0, rho, 1.0))).sum(axis=1)
 
 
 def information_gain_cost(predictions: Predictions) -> Array:
@@ -392,7 +393,7 @@ def dual_control_cost(
     Held by:
         extensions/search/tests/unit/information/test_objectives.py (that law, too)
     """
-    exploitation = ((places_m - np.asarray(mean_m)) ** 2).sum(axis=1)
+    exploitation = np.square(places_m - np.asarray(mean_m)).sum(axis=1)
     return exploitation + exploration * (predictions.predictive * predictions.variance_m2).sum(axis=1)
 
 
@@ -448,13 +449,13 @@ def _gain_of(p: Array, log_p: Array, place: int, tree: MoveTree, depth: int, dis
     likelihood, weight, log_weight = (
         table[place] for table in (candidates.likelihood, candidates.weight, candidates.log_weight)
     )
-    before_bits = -float(p @ log_p) / math.log(2.0)
+    before_bits = -float((p * log_p).sum()) * _PER_LN_2
     gain = before_bits - remaining_entropy_bits(p, log_p, likelihood, weight, log_weight)
     if depth == 1:
         return gain
     posterior, log_posterior = np.empty(p.shape), np.empty(p.shape)
     for h in range(likelihood.shape[0]):
-        chance = float(p @ likelihood[h])
+        chance = float((p * likelihood[h]).sum())
         if chance > 0.0 and posterior_into(p, log_p, weight[h], log_weight[h], posterior, log_posterior) > 0.0:
             later = (
                 _gain_of(posterior, log_posterior, following, tree, depth - 1, discount)
@@ -492,9 +493,10 @@ class SurpriseMonitor:
     def add(self, predictive: Array, outcome: int) -> bool:
         """Take note of an outcome and of how likely each was held to be; return whether the model is wrong."""
         rho = np.maximum(predictive, 1e-12)
-        log_rho = np.log(rho / rho.sum())
-        expected = -float(np.exp(log_rho) @ log_rho)
-        variance = float(np.exp(log_rho) @ log_rho**2) - expected**2
+        rho = rho / rho.sum()
+        log_rho = elementary.log_each(rho)
+        expected = -float((rho * log_rho).sum())
+        variance = float((rho * np.square(log_rho)).sum()) - expected * expected
         self._stops.append((-float(log_rho[outcome]) - expected, max(0.0, variance)))
         if len(self._stops) < (self._stops.maxlen or 0):
             return False
@@ -507,5 +509,5 @@ class SurpriseMonitor:
 
 def flatten_belief(p: Array, power: float = 0.5) -> Array:
     """Return a belief that is less sure: p^k, scaled to sum 1; cells ruled out stay so."""
-    raised = p**power
+    raised = elementary.pow_each(p, power)
     return raised / raised.sum()

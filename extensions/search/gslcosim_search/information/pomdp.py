@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
+
 Floats = NDArray[np.float64]
 
 # Unit moves in the frame of the wind: upwind, downwind, to the left and to the right, seen down the wind.
@@ -75,14 +78,14 @@ def offsets_m(places_m: Floats, position_m: tuple[float, float], downwind_rad: f
 
     d = R(-w) (x - s)        [m] = [m]; x the vehicle, s a place, w the direction the air goes
     """
-    c, s = math.cos(downwind_rad), math.sin(downwind_rad)
+    c, s = elementary.cos(downwind_rad), elementary.sin(downwind_rad)
     x_m, y_m = (np.subtract(position_m, places_m)).T
     return np.stack([c * x_m + s * y_m, c * y_m - s * x_m], axis=1)
 
 
 def headings_rad(downwind_rad: float) -> tuple[float, ...]:
     """Return the direction of each of `MOVES` in the world, counter-clockwise from x [rad]."""
-    return tuple(downwind_rad + math.atan2(across, along) for along, across in MOVES)
+    return tuple(downwind_rad + elementary.atan2(float(across), float(along)) for along, across in MOVES)
 
 
 def update_offset_belief(belief: Floats, likelihood: Floats, power: float = 1.0) -> Floats:
@@ -90,7 +93,7 @@ def update_offset_belief(belief: Floats, likelihood: Floats, power: float = 1.0)
 
     A power below 1 takes an observation for less than it says: neighbouring ones see the same filaments.
     """
-    joint = belief * likelihood**power
+    joint = belief * elementary.pow_each(likelihood, power)
     total = float(joint.sum())
     return joint / total if total > 0.0 and math.isfinite(total) else belief
 
@@ -119,14 +122,14 @@ class RunningWind:
 
     def add(self, time_s: float, speed_m_s: float, upwind_rad: float) -> None:
         """Take note of a wind by its speed and the direction it comes from."""
-        weight = 1.0 if self._last_s is None else -math.expm1(-max(0.0, time_s - self._last_s) / self._memory_s)
+        weight = 1.0 if self._last_s is None else -elementary.expm1(-max(0.0, time_s - self._last_s) / self._memory_s)
         self._last_s = time_s
         x_m_s, y_m_s = self._mean_m_s
-        x_m_s += weight * (-speed_m_s * math.cos(upwind_rad) - x_m_s)
-        y_m_s += weight * (-speed_m_s * math.sin(upwind_rad) - y_m_s)
+        x_m_s += weight * (-speed_m_s * elementary.cos(upwind_rad) - x_m_s)
+        y_m_s += weight * (-speed_m_s * elementary.sin(upwind_rad) - y_m_s)
         self._mean_m_s = (x_m_s, y_m_s)
-        if math.hypot(x_m_s, y_m_s) > self._threshold_m_s:
-            self.downwind_rad = math.atan2(y_m_s, x_m_s)
+        if norm2(x_m_s, y_m_s) > self._threshold_m_s:
+            self.downwind_rad = elementary.atan2(y_m_s, x_m_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +158,8 @@ class PlumeTable:
                 grid=_grid_of(file["grid"], file["level_frac"].shape[1:]),
                 level_frac=_distributions(file["level_frac"]),
                 policy_grid=_grid_of(file["policy_grid"], file[f"vectors_{names[0]}"].shape[1:]),
-                vectors={name: _flat(file[f"vectors_{name}"]) for name in names},
+                # By column, which is the order of the product with a belief.
+                vectors={name: np.asfortranarray(_flat(file[f"vectors_{name}"])) for name in names},
                 actions={name: file[f"actions_{name}"].astype(np.int64) for name in names},
             )
 
@@ -186,7 +190,7 @@ class PlumeTable:
 
         Where no vector of a policy stands for a move its value is minus infinity.
         """
-        values = self.vectors[policy] @ self.policy_grid.gathered(offsets, belief)
+        values = elementary.product(self.policy_grid.gathered(offsets, belief), self.vectors[policy].T)
         return np.array([values[self.actions[policy] == k].max(initial=-np.inf) for k in range(len(MOVES))])
 
 

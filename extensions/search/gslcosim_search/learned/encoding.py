@@ -14,6 +14,7 @@ from gslcosim.agent_kit import Briefing, Command, DriveSetpoint, Observation, Re
 from gslcosim.base.errors import UsageError
 from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import SensorDescription
+from gslcosim_search import elementary
 from gslcosim_search.learned.wind_frame import WIND_FRAME_NAMES, WindFrame
 
 # Rays of a lidar are reported as the nearest range in so many sectors of the same width.
@@ -31,7 +32,7 @@ _PRESSURE_PA = 100.0
 _FIELD_UT = 50.0
 _HITS = 3.0
 
-_AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
+_AMOUNT_SCALE = 11.51293546492023  # ln(1 + _MOST_PPM / _FLOOR_PPM)
 # How far waypoints keep from the walls of the room.
 MARGIN_M = 0.5
 N_HEADINGS = 8
@@ -59,7 +60,7 @@ def amount(ppm: float) -> float:
 
     sign(c) ln(1 + |c| / 0.1 ppm) / ln(1 + 10,000 ppm / 0.1 ppm); noise may make c negative.
     """
-    return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
+    return math.copysign(elementary.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
 
 
 @scalar_kernel
@@ -71,12 +72,12 @@ def closeness(range_m: float) -> float:
 @scalar_kernel
 def scaled_speed(speed_m_s: float) -> float:
     """Return a speed as a number between -1 and 1: its hyperbolic tangent in units of 2 m/s."""
-    return math.tanh(speed_m_s / _SPEED_M_S)
+    return elementary.tanh(speed_m_s / _SPEED_M_S)
 
 
 @scalar_kernel
 def _encode_resistance(values: Sequence[float], numbers: MutableSequence[float]) -> None:
-    numbers[0] = math.log10(max(values[0], 1.0) / _CLEAN_OHM)
+    numbers[0] = elementary.log10(max(values[0], 1.0) / _CLEAN_OHM)
 
 
 @scalar_kernel
@@ -91,13 +92,13 @@ def _encode_plain(values: Sequence[float], numbers: MutableSequence[float]) -> N
 
 @scalar_kernel
 def _encode_hits(values: Sequence[float], numbers: MutableSequence[float]) -> None:
-    numbers[0] = math.tanh(values[0] / _HITS)
+    numbers[0] = elementary.tanh(values[0] / _HITS)
 
 
 @scalar_kernel
 def _encode_planar_wind(values: Sequence[float], numbers: MutableSequence[float]) -> None:
     numbers[0] = scaled_speed(values[0])
-    numbers[1], numbers[2] = math.sin(values[1]), math.cos(values[1])
+    numbers[1], numbers[2] = elementary.sin(values[1]), elementary.cos(values[1])
 
 
 @scalar_kernel
@@ -109,13 +110,13 @@ def _encode_wind(values: Sequence[float], numbers: MutableSequence[float]) -> No
 @scalar_kernel
 def _encode_inertial(values: Sequence[float], numbers: MutableSequence[float]) -> None:
     for axis in range(3):
-        numbers[axis] = math.tanh(values[axis] / _GRAVITY_M_S2)
-        numbers[3 + axis] = math.tanh(values[3 + axis])
+        numbers[axis] = elementary.tanh(values[axis] / _GRAVITY_M_S2)
+        numbers[3 + axis] = elementary.tanh(values[3 + axis])
 
 
 @scalar_kernel
 def _encode_pressure(values: Sequence[float], numbers: MutableSequence[float]) -> None:
-    numbers[0] = math.tanh((values[0] - _SEA_LEVEL_PA) / _PRESSURE_PA)
+    numbers[0] = elementary.tanh((values[0] - _SEA_LEVEL_PA) / _PRESSURE_PA)
 
 
 @scalar_kernel
@@ -210,8 +211,8 @@ class ObservationVector:
         place = (np.array(observation.position_world_m) - self._centre_m) / self._half_m
         numbers = [
             *place,
-            math.sin(observation.yaw_rad),
-            math.cos(observation.yaw_rad),
+            elementary.sin(observation.yaw_rad),
+            elementary.cos(observation.yaw_rad),
             *map(scaled_speed, observation.velocity_world_m_s),
             observation.time_s / self._time_limit_s,
             float(observation.notice is not None),
@@ -323,7 +324,9 @@ class Headings(ActionKind):
         if choice == N_HEADINGS:
             return Command(tick=observation.tick, kind="hold", hold_s=self.hold_s)
         heading_rad = 2 * math.pi * choice / N_HEADINGS
-        return self._leg(observation, self.step_m * np.array([math.cos(heading_rad), math.sin(heading_rad)]))
+        return self._leg(
+            observation, self.step_m * np.array([elementary.cos(heading_rad), elementary.sin(heading_rad)])
+        )
 
 
 class Velocities(ActionKind):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
+from gslcosim_search import elementary
 from gslcosim_search.learned.encoding import ACTIONS, N_HEADINGS, WORLD, find_frame_problem, find_shield_problem
 
 # float32 throughout; what numpy calls the types of intermediate results is wider.
@@ -89,7 +90,7 @@ class ActionSettings:
         """Return the actions of a network's outputs, (n, n_outputs): tanh of numbers, the largest of choices."""
         if self.n_choices:
             return np.argmax(outputs, axis=1)
-        return np.tanh(outputs)
+        return elementary.tanh_each(outputs).astype(outputs.dtype)
 
 
 class Policy(ABC):
@@ -194,8 +195,8 @@ def normal_numbers(observations: Floats, n: int) -> NDArray[np.float32]:
         extensions/search/tests/unit/learned/test_policy.py
     """
     shares = even_numbers(observations, 2 * n)
-    lengths = np.sqrt(-2.0 * np.log1p(-shares[:, :n]))
-    return (lengths * np.cos(2 * np.pi * shares[:, n:])).astype(np.float32)
+    lengths = np.sqrt(-2.0 * elementary.log1p_each(-shares[:, :n]))
+    return (lengths * elementary.cos_each(2 * np.pi * shares[:, n:])).astype(np.float32)
 
 
 def add_spread(outputs: Floats, observations: Floats, spread: float) -> Floats:

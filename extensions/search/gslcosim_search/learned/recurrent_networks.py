@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import override
 
+from gslcosim_search import elementary
 from gslcosim_search.learned.policy import (
     Actions,
     ActionSettings,
@@ -18,6 +19,7 @@ from gslcosim_search.learned.policy import (
     check_number,
     read_spread,
 )
+from gslcosim_search.learned.row_products import multiply
 
 
 class CtrnnPolicy(ArrayPolicy):
@@ -67,7 +69,7 @@ class CtrnnPolicy(ArrayPolicy):
         }  # fmt: skip
         self._bias, self._output_bias = bias, output_bias
         self._recurrent, self._inputs, self._outputs = (np.ascontiguousarray(a.T) for a in (recurrent, inputs, outputs))
-        self._kept = np.exp(-dt_s / tau_s).astype(np.float32)
+        self._kept = elementary.exp_each(-dt_s / tau_s).astype(np.float32)
 
     @override
     def memory(self, n: int) -> Floats:
@@ -75,9 +77,9 @@ class CtrnnPolicy(ArrayPolicy):
 
     @override
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
-        driven = _logistic(memory + self._bias) @ self._recurrent + observations @ self._inputs
+        driven = multiply(_logistic(memory + self._bias), self._recurrent) + multiply(observations, self._inputs)
         after = driven + (memory - driven) * self._kept
-        outputs = _logistic(after + self._bias) @ self._outputs + self._output_bias
+        outputs = multiply(_logistic(after + self._bias), self._outputs) + self._output_bias
         return self.action.chosen(add_spread(outputs, observations, self.spread)), after
 
     @property
@@ -104,9 +106,13 @@ class CtrnnPolicy(ArrayPolicy):
         return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, spread=spread, **check_arrays(arrays, shapes))
 
 
+def _tanh(u: Floats) -> Floats:
+    return elementary.tanh_each(u).astype(np.float32)
+
+
 # By tanh, which overflows nowhere.
 def _logistic(u: Floats) -> Floats:
-    return np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * u))
+    return np.float32(0.5) * (np.float32(1.0) + _tanh(np.float32(0.5) * u))
 
 
 class GruPolicy(ArrayPolicy):
@@ -175,14 +181,14 @@ class GruPolicy(ArrayPolicy):
     def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the outputs from which an action is chosen, (n, o), and the next memory; as `act`."""
         h, one = self._n_units, np.float32(1.0)
-        encoded = np.tanh(observations @ self._encoder + self.arrays["encoder_bias"])
-        fed = encoded @ self._gates + self.arrays["gates_bias"]
-        recurrent = memory @ self._recurrent_gates + self.arrays["recurrent_bias"]
-        both = np.float32(0.5) * (one + np.tanh(np.float32(0.5) * (fed[:, : 2 * h] + recurrent[:, : 2 * h])))
+        encoded = _tanh(multiply(observations, self._encoder) + self.arrays["encoder_bias"])
+        fed = multiply(encoded, self._gates) + self.arrays["gates_bias"]
+        recurrent = multiply(memory, self._recurrent_gates) + self.arrays["recurrent_bias"]
+        both = _logistic(fed[:, : 2 * h] + recurrent[:, : 2 * h])
         reset, kept = both[:, :h], both[:, h:]
-        new = np.tanh(fed[:, 2 * h :] + reset * recurrent[:, 2 * h :])
+        new = _tanh(fed[:, 2 * h :] + reset * recurrent[:, 2 * h :])
         after = (one - kept) * new + kept * memory
-        return after @ self._outputs + self.arrays["output_bias"], after
+        return multiply(after, self._outputs) + self.arrays["output_bias"], after
 
     @property
     @override

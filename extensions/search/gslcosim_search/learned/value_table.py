@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import override
 
+from gslcosim_search import elementary
 from gslcosim_search.learned.encoding import N_HEADINGS
 from gslcosim_search.learned.policy import (
     Actions,
@@ -137,7 +138,7 @@ class WindPositionFeature(StateFeature):
     @property
     @override
     def n_classes(self) -> int:
-        return (len(self.cuts) + 1) ** 2
+        return (len(self.cuts) + 1) * (len(self.cuts) + 1)
 
     @property
     @override
@@ -148,7 +149,7 @@ class WindPositionFeature(StateFeature):
     def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
         x, y, sines, cosines = seen
         angles = 2 * math.pi * find_sectors(sines, cosines, N_HEADINGS) / N_HEADINGS
-        sin, cos = np.sin(angles), np.cos(angles)
+        sin, cos = elementary.sin_each(angles), elementary.cos_each(angles)
         along, across = (
             np.searchsorted(np.array(self.cuts), part, side="right") for part in (x * cos + y * sin, y * cos - x * sin)
         )
@@ -166,7 +167,7 @@ DIGITS: dict[str, type[StateFeature]] = {
 
 def find_sectors(sines: Floats, cosines: Floats, n_sectors: int) -> States:
     """Return the nearest of `n_sectors` directions, counter-clockwise from world x, (n,)."""
-    turns = np.arctan2(sines, cosines) / (2 * math.pi)
+    turns = elementary.atan2_each(sines, cosines) / (2 * math.pi)
     return np.floor(turns * n_sectors + 0.5).astype(np.int64) % n_sectors
 
 

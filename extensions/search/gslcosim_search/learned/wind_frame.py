@@ -4,7 +4,6 @@ A wind frame is about the vehicle, with one axis upwind and one to the left of i
 need not learn each direction of the wind for itself.
 """
 
-import math
 from collections.abc import MutableSequence, Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.scalar_kernels import norm2, scalar_kernel
+from gslcosim_search import elementary
 
 # What `WindFrame` adds to an observation, in this order.
 WIND_FRAME_NAMES = (
@@ -56,7 +56,7 @@ UPWIND = slice(_UPWIND_X, _UPWIND_Y + 1)
 def _unscaled_speed(number: float) -> float:
     # The inverse of `encoding.scaled_speed`, for speeds up to 9.9 m/s.
     kept = min(max(number, -_ALMOST_ONE), _ALMOST_ONE)
-    return _SPEED_M_S * 0.5 * (math.log1p(kept) - math.log1p(-kept))
+    return _SPEED_M_S * 0.5 * (elementary.log1p(kept) - elementary.log1p(-kept))
 
 
 @scalar_kernel
@@ -133,9 +133,9 @@ def advance_wind_frame(
         state[_GAS_S], state[_GAS_X_M], state[_GAS_Y_M] = time_s, x_m, y_m
     numbers[first] = up_y
     numbers[first + 1] = up_x
-    numbers[first + 2] = math.tanh(wind_m_s / _SPEED_M_S)
-    numbers[first + 3] = math.tanh((vx_m_s * up_x + vy_m_s * up_y) / _SPEED_M_S)
-    numbers[first + 4] = math.tanh((vy_m_s * up_x - vx_m_s * up_y) / _SPEED_M_S)
+    numbers[first + 2] = elementary.tanh(wind_m_s / _SPEED_M_S)
+    numbers[first + 3] = elementary.tanh((vx_m_s * up_x + vy_m_s * up_y) / _SPEED_M_S)
+    numbers[first + 4] = elementary.tanh((vy_m_s * up_x - vx_m_s * up_y) / _SPEED_M_S)
     for i in range(5, 10):
         numbers[first + i] = 0.0
     if state[_N_BOUTS] > 0.0:

@@ -15,6 +15,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import distance
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised_from_log
 from gslcosim_search.maps.goal_cells import Cell, GoalCells
 from gslcosim_search.motion.grid_paths import STEP_UNITS, Free
@@ -58,7 +60,7 @@ def spread_weights(free, length, order, direction_rad, sigma_rad, core_rad):
     """
     nx, ny = free.shape
     weight = np.zeros(nx * ny)
-    core = math.exp(-0.5 * (core_rad / sigma_rad) ** 2)
+    core = elementary.exp(-0.5 * (core_rad / sigma_rad) ** 2)
     i0, j0 = order[0] // ny, order[0] % ny
     for cell in order:
         i, j = cell // ny, cell % ny
@@ -69,9 +71,9 @@ def spread_weights(free, length, order, direction_rad, sigma_rad, core_rad):
         elif math.isnan(direction_rad):
             weight[cell] = 1.0
         elif away == 2 and length[cell] <= _WINDOW_UNITS:
-            turn = (math.atan2(-dj, -di) - direction_rad) / (2.0 * math.pi)
+            turn = (elementary.atan2(-dj, -di) - direction_rad) / (2.0 * math.pi)
             deviation = 2.0 * math.pi * (turn - math.floor(turn + 0.5))
-            weight[cell] = math.exp(-0.5 * (deviation / sigma_rad) ** 2)
+            weight[cell] = elementary.exp(-0.5 * (deviation / sigma_rad) ** 2)
         else:
             weight[cell] = _inherited(free, length, weight, i, j)
     return weight
@@ -132,9 +134,9 @@ def information_gain_nats(p, hit_weight, miss_weight):
 def _divergence(q, p):
     total = 0.0
     if q > 0.0:
-        total += q * math.log(q / p)
+        total += q * elementary.log(q / p)
     if q < 1.0 and p < 1.0:
-        total += (1.0 - q) * math.log((1.0 - q) / (1.0 - p))
+        total += (1.0 - q) * elementary.log((1.0 - q) / (1.0 - p))
     return total
 
 
@@ -200,7 +202,7 @@ class GrGsl(GoalCells):
         i, j = self._cell(point_m)
         self._is_closed[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2] = True
         di, dj = (np.arange(n) - k for n, k in zip(self.free.shape, (i, j), strict=True))
-        self._distance_cells = np.minimum(self._distance_cells, np.hypot(di[:, None], dj[None, :]))
+        self._distance_cells = np.minimum(self._distance_cells, np.sqrt(np.square(di)[:, None] + np.square(dj)))
 
     def update(self, point_m: Sequence[float], *, is_hit: bool, downwind_rad: float | None) -> None:
         """Take in a measurement at a point: gas or none, and where the wind goes [rad]; None when it is calm."""
@@ -210,8 +212,7 @@ class GrGsl(GoalCells):
             self.last_hit_m = self.grid.centre_m(cell)
             return
         weight = self._hit_weight(cell, downwind_rad) if is_hit else self._miss_weight(cell)
-        with np.errstate(divide="ignore"):
-            self._log_p = self._log_p + np.log(weight).reshape(self.free.shape)
+        self._log_p = self._log_p + elementary.log_each(weight).reshape(self.free.shape)
         self._log_p -= self._log_p.max()
         if is_hit:
             self.last_hit_m = self.grid.centre_m(cell)
@@ -267,7 +268,7 @@ class GrGsl(GoalCells):
         return candidates[int(np.argmax(gains))] if candidates else None
 
     def _gain_nats(self, cell: Cell, p: Array, wind_m_s: Array) -> float:
-        downwind_rad = math.atan2(wind_m_s[1], wind_m_s[0]) if wind_m_s.any() else _NO_DIRECTION
+        downwind_rad = elementary.atan2(wind_m_s[1], wind_m_s[0]) if wind_m_s.any() else _NO_DIRECTION
         return information_gain_nats(p, self._hit_weight(cell, downwind_rad), self._miss_weight(cell))
 
     def _hit_weight(self, cell: Cell, downwind_rad: float | None) -> Array:
@@ -281,9 +282,9 @@ class GrGsl(GoalCells):
         return spread_weights(self.free, length, order, direction_rad, self.settings.sigma_miss_rad, math.pi)
 
     def _from_last_hit_rad(self, point_m: Sequence[float]) -> float:
-        if self.last_hit_m is None or math.dist(point_m, self.last_hit_m) < 0.5 * self.grid.cell_m:
+        if self.last_hit_m is None or distance(point_m, self.last_hit_m) < 0.5 * self.grid.cell_m:
             return _NO_DIRECTION
-        return math.atan2(point_m[1] - self.last_hit_m[1], point_m[0] - self.last_hit_m[0])
+        return elementary.atan2(point_m[1] - self.last_hit_m[1], point_m[0] - self.last_hit_m[0])
 
 
 def warm_up() -> None:

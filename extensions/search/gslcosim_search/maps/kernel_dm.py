@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Observation
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.grid_paths import Free
 from gslcosim_search.senses.instruments import Nose, Vane
@@ -62,7 +63,7 @@ def spread_readings(shape, origin_m, cell_m, place_m, values, wind_m_s, share, s
     nx, ny, nz = shape[0], shape[1], shape[2]
     omega, weighted = np.zeros((nx, ny, nz)), np.zeros((nx, ny, nz))
     for n in range(place_m.shape[0]):
-        speed = math.hypot(wind_m_s[n, 0], wind_m_s[n, 1])
+        speed = math.sqrt(wind_m_s[n, 0] ** 2 + wind_m_s[n, 1] ** 2)
         ux, uy = (wind_m_s[n, 0] / speed, wind_m_s[n, 1] / speed) if speed > 0.0 else (1.0, 0.0)
         along = sigma_m + stretch_s * speed
         across = sigma_m * sigma_m / along if nz == 1 else sigma_m * math.sqrt(sigma_m / along)
@@ -78,7 +79,7 @@ def spread_readings(shape, origin_m, cell_m, place_m, values, wind_m_s, share, s
                 plane = p * p + q * q
                 for k in range(max(0, math.ceil(z - reach)), min(nz, math.floor(z + reach) + 1)):
                     r = (k - z) * cell_m / across
-                    weight = share[n] * math.exp(-0.5 * (plane + r * r))
+                    weight = share[n] * elementary.exp(-0.5 * (plane + r * r))
                     omega[i, j, k] += weight
                     weighted[i, j, k] += weight * values[n]
     return omega, weighted
@@ -158,11 +159,11 @@ class KernelMap:
             return GasMaps(mean=np.zeros(shape), variance=np.zeros(shape), confidence=np.zeros(shape))
         table = np.array(self._rows)
         place_m, values, wind_m_s = table[:, :3].copy(), table[:, 3].copy(), table[:, 5:].copy()
-        share = np.exp(-self.widths.decay_per_s * (table[-1, 4] - table[:, 4]))
+        share = elementary.exp_each(-self.widths.decay_per_s * (table[-1, 4] - table[:, 4]))
         omega, weighted = self._spread(place_m, values, wind_m_s, share)
-        confidence = -np.expm1(-((omega / self.widths.confidence_scale) ** 2))
+        confidence = -elementary.expm1_each(-np.square(omega / self.widths.confidence_scale))
         mean = _blended(confidence, weighted, omega, float(values.mean()))
-        squares = (values - mean[self._cells(place_m)]) ** 2
+        squares = np.square(values - mean[self._cells(place_m)])
         _, spread = self._spread(place_m, squares, wind_m_s, share)
         variance = _blended(confidence, spread, omega, float(squares.mean()))
         return GasMaps(mean=mean.reshape(shape), variance=variance.reshape(shape), confidence=confidence.reshape(shape))

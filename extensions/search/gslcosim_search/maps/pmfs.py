@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised_from_log
 from gslcosim_search.maps.goal_cells import Cell, GoalCells
 from gslcosim_search.maps.wind_map import factorise_lu_inplace, solve_transposed_lu_inplace
@@ -48,7 +49,7 @@ def _bernoulli(x):
         return 1.0 - 0.5 * x + x * x / 12.0
     if x > 500.0:
         return 0.0
-    return x / math.expm1(x)
+    return x / elementary.expm1(x)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -133,7 +134,7 @@ class BackwardPlume:
             free: (nx, ny) whether a cell is free.
             wind_m_s: (nx, ny, 2) wind at the cell centres, world frame [m/s].
         """
-        self._free, self._puffs = free, model.puffs_per_s * cell_m**2
+        self._free, self._puffs = free, model.puffs_per_s * cell_m * cell_m
         self._numbers = _numbered(free)
         self._factors = transport_band(
             self._numbers,
@@ -156,7 +157,7 @@ class BackwardPlume:
         values = np.zeros((len(self._factors), len(at)))
         values[at, np.arange(len(at))] = 1.0
         solve_transposed_lu_inplace(self._factors, values)
-        return -np.expm1(-self._puffs * values[self._numbers[self._free]].T)
+        return -elementary.expm1_each(-self._puffs * values[self._numbers[self._free]].T)
 
 
 # Along the shorter axis first, so that the band is narrow.
@@ -196,7 +197,7 @@ def stretched_kernel(free, length, order, wind_x, wind_y, sigma, stretch):
     nx, ny, _ = free.shape
     weight = np.zeros(nx * ny)
     ahead = np.zeros((nx * ny, 2))
-    speed = math.hypot(wind_x, wind_y)
+    speed = math.sqrt(wind_x * wind_x + wind_y * wind_y)
     ux, uy = (wind_x / speed, wind_y / speed) if speed > 0.0 else (1.0, 0.0)
     along, across = sigma + stretch * speed, sigma / (1.0 + stretch * speed / sigma)
     i0, j0 = order[0] // ny, order[0] % ny
@@ -208,7 +209,7 @@ def stretched_kernel(free, length, order, wind_x, wind_y, sigma, stretch):
             break
         is_near = max(abs(di), abs(dj)) <= _WINDOW
         if is_near and is_line_free(free, i0 + 0.5, j0 + 0.5, 0.5, i + 0.5, j + 0.5, 0.5):
-            away = math.hypot(di, dj)
+            away = math.sqrt(di * di + dj * dj)
             if away > 0.0:
                 ahead[cell, 0], ahead[cell, 1] = di / away, dj / away
             weight[cell] = _gaussian(di, dj, ux, uy, along, across)
@@ -233,7 +234,7 @@ def stretched_kernel(free, length, order, wind_x, wind_y, sigma, stretch):
 @numba.njit(cache=True, nogil=True, inline="always")
 def _gaussian(dx, dy, ux, uy, along, across):
     p, q = dx * ux + dy * uy, dy * ux - dx * uy
-    return math.exp(-0.5 * ((p / along) ** 2 + (q / across) ** 2))
+    return elementary.exp(-0.5 * ((p / along) ** 2 + (q / across) ** 2))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -254,7 +255,7 @@ def trust_inplace(omega, length, order, sigma):
         far = length[cell] / (UNITS_PER_CELL * sigma)
         if far > 8.0:
             break
-        omega[cell] += math.exp(-0.5 * far * far) / (sigma * _ROOT_2_PI)
+        omega[cell] += elementary.exp(-0.5 * far * far) / (sigma * _ROOT_2_PI)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -280,7 +281,7 @@ def add_log_score_inplace(log_score, shares, measured, confidence, least):
             product[s] *= max(least, 1.0 - confidence[m] * abs(measured[m] - shares[m, s]))
         if m % _FACTORS_TOGETHER == _FACTORS_TOGETHER - 1 or m == shares.shape[0] - 1:
             for s in range(shares.shape[1]):
-                log_score[s] += math.log(product[s])
+                log_score[s] += elementary.log(product[s])
                 product[s] = 1.0
 
 
@@ -380,12 +381,13 @@ class Pmfs(GoalCells):
     @property
     def hit_probability(self) -> Array:
         """(nx, ny) probability that gas is met in a cell, as far as it was measured."""
-        return 1.0 / (1.0 + np.exp(-self._log_odds))
+        return 1.0 / (1.0 + elementary.exp_each(-self._log_odds))
 
     @property
     def confidence(self) -> Array:
         """(nx, ny) trust in the hit probability, 0 to 1; 0 in solid cells."""
-        return np.where(self.free, -np.expm1(-self._omega / self.settings.trust_scale**2), 0.0)
+        scale = self.settings.trust_scale * self.settings.trust_scale
+        return np.where(self.free, -elementary.expm1_each(-self._omega / scale), 0.0)
 
     def update(self, point_m: Sequence[float], hits: Sequence[bool], wind_m_s: Sequence[float]) -> None:
         """Take in measurements at one place: hit or miss, one after the other, and the wind there [m/s]."""
@@ -398,7 +400,7 @@ class Pmfs(GoalCells):
         for is_hit in hits:
             target = s.hit_target if is_hit else s.miss_target
             p = np.clip(s.prior + (target - s.prior) * weight, _LEAST_P, _MOST_P)
-            self._log_odds += np.log(p / (1.0 - p)) - _logit(s.prior)
+            self._log_odds += elementary.log_each(p / (1.0 - p)) - _logit(s.prior)
             trust_inplace(self._omega.reshape(-1), length, order, s.trust_reach_cells)
         if self.bounds_log_odds:
             self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
@@ -458,8 +460,8 @@ class Pmfs(GoalCells):
 
     def _unknown_in_view(self, cell: Cell) -> float:
         seen = np.argwhere(visible_cells(self.free, cell, _VIEW_CELLS))
-        away = np.hypot(seen[:, 0] - cell[0], seen[:, 1] - cell[1])
-        return float(((1.0 - self.confidence[tuple(seen.T)]) * np.exp(-away)).sum())
+        away = np.linalg.norm(seen - cell, axis=1)
+        return float(((1.0 - self.confidence[tuple(seen.T)]) * elementary.exp_each(-away)).sum())
 
 
 def warm_up() -> None:
@@ -479,4 +481,4 @@ def _find_largest_cells(values: Array, n: int) -> list[Cell]:
 
 
 def _logit(p: float) -> float:
-    return math.log(p / (1.0 - p))
+    return elementary.log(p / (1.0 - p))

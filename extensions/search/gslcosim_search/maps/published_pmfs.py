@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised_from_log
 from gslcosim_search.maps.goal_cells import Cell
 from gslcosim_search.maps.pmfs import Pmfs, PmfsSettings, add_log_score_inplace
@@ -309,8 +310,8 @@ class PublishedPmfs(Pmfs):
     def _exploration_value(self, cell: Cell, unknown: Array) -> float:
         if cell not in self._in_sight:
             seen = np.argwhere(self._near_in_sight(cell))
-            away = np.hypot(seen[:, 0] - cell[0], seen[:, 1] - cell[1])
-            self._in_sight[cell] = (np.ravel_multi_index(tuple(seen.T), self.free.shape), np.exp(-away))
+            away = np.linalg.norm(seen - cell, axis=1)
+            self._in_sight[cell] = (np.ravel_multi_index(tuple(seen.T), self.free.shape), elementary.exp_each(-away))
         at, weight = self._in_sight[cell]
         return float((unknown.reshape(-1)[at] * weight).sum())
 
@@ -343,5 +344,5 @@ def _weighted_variance(shares: Array, weights: Array) -> Array:
     for share, weight in zip(shares, weights, strict=True):
         mean += weight * share
     for share, weight in zip(shares, weights, strict=True):
-        variance += weight * (share - mean) ** 2
+        variance += weight * np.square(share - mean)
     return variance

@@ -10,6 +10,8 @@ Held by:
 import math
 from collections.abc import Sequence
 
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
 from gslcosim_search.motion.legs import LegSpace, Point, to_millimetre
 
 
@@ -50,7 +52,7 @@ class CoverageGrid:
         """Take note of where the vehicle is, world frame [m]."""
         i = _nearest(self._columns_m, place_m[0])
         j = _nearest(self._rows_m, place_m[1])
-        if math.hypot(self._columns_m[i] - place_m[0], self._rows_m[j] - place_m[1]) < self._radius_m:
+        if norm2(self._columns_m[i] - place_m[0], self._rows_m[j] - place_m[1]) < self._radius_m:
             self._unseen.discard((i, j))
 
     def skip(self, place_m: Sequence[float]) -> None:
@@ -65,7 +67,7 @@ class CoverageGrid:
         """
         if not self._unseen:
             self._unseen = {(i, j) for i in range(len(self._columns_m)) for j in range(len(self._rows_m))}
-        along_x, along_y = math.cos(upwind_rad or 0.0), math.sin(upwind_rad or 0.0)
+        along_x, along_y = elementary.cos(upwind_rad or 0.0), elementary.sin(upwind_rad or 0.0)
         best, best_m2 = (0, 0), math.inf
         for i, j in sorted(self._unseen):
             dx_m, dy_m = self._columns_m[i] - here_m[0], self._rows_m[j] - here_m[1]

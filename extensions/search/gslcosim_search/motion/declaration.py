@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit.commands import declaration
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
-from gslcosim_search import beliefs
+from gslcosim_search import beliefs, elementary
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.legs import to_millimetre
 from gslcosim_search.plume_fit import PlumeFit
@@ -69,7 +70,7 @@ class DeclarationGuard:
         return estimate
 
     def _is_new(self, estimate: Estimate) -> bool:
-        if self.last is None or math.dist(estimate.position_m, self.last.position_m) > self._moved_m:
+        if self.last is None or distance(estimate.position_m, self.last.position_m) > self._moved_m:
             return True
         return estimate.confidence >= self.last.confidence + self._surer_by
 
@@ -138,7 +139,7 @@ class ReactiveRule:
     def _are_together(self, stops: Sequence[_Stop]) -> bool:
         n = len(stops)
         mean_m = [sum(column) / n for column in zip(*(stop.position_m for stop in stops))]
-        return all(math.dist(stop.position_m, mean_m) <= _TOGETHER_M for stop in stops)
+        return all(distance(stop.position_m, mean_m) <= _TOGETHER_M for stop in stops)
 
     def _has_edge(self, stops: Sequence[_Stop], upwind_rad: float | None) -> bool:
         best = max(stops, key=lambda stop: stop.gas)
@@ -259,24 +260,24 @@ class PlumeEndRule:
     def _ends_before_edge(self, end: _Whiff, upwind_rad: float) -> bool:
         if self._bounds is None:
             return False
-        steps_m = (_EDGE_M * math.cos(upwind_rad), _EDGE_M * math.sin(upwind_rad))
+        steps_m = (_EDGE_M * elementary.cos(upwind_rad), _EDGE_M * elementary.sin(upwind_rad))
         edge_m = [x + step for x, step in zip(end.position_m, steps_m)]
         return any(not low <= x <= high for low, x, high in zip(self._bounds.min_m, edge_m, self._bounds.max_m))
 
     def _estimate_at(self, end: _Whiff, strong: Sequence[_Whiff]) -> Estimate:
-        near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= _NEAR_M]
+        near = [whiff for whiff in strong if distance(whiff.position_m[:2], end.position_m[:2]) <= _NEAR_M]
         confidence = sum(whiff.gas for whiff in near) / sum(whiff.gas for whiff in strong)
         return Estimate(position_m=_centre(near), confidence=min(1.0, confidence))
 
     def _is_strong(self, whiff: _Whiff, peak: _Whiff) -> bool:
         if whiff.gas < _STRONG_SHARE * peak.gas or not _agree(whiff.upwind_rad, peak.upwind_rad):
             return False
-        return math.dist(whiff.position_m[:2], peak.position_m[:2]) <= _REACH_M
+        return distance(whiff.position_m[:2], peak.position_m[:2]) <= _REACH_M
 
 
 # Directions no more than 60 degrees apart; one that is not known agrees with all.
 def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
-    return upwind_rad is None or other_rad is None or math.cos(upwind_rad - other_rad) >= 0.5
+    return upwind_rad is None or other_rad is None or elementary.cos(upwind_rad - other_rad) >= 0.5
 
 
 class PlumeFitRule:
@@ -323,10 +324,10 @@ class PlumeFitRule:
         share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / _SMOOTH_S)
         self._wind_m_s = (u + share * (wind_m_s[0] - u), v + share * (wind_m_s[1] - v))
         self._last_wind_s = time_s
-        if time_s < self._last_s + _PERIOD_S or not math.hypot(*self._wind_m_s) > 0.0:
+        if time_s < self._last_s + _PERIOD_S or not norm2(*self._wind_m_s) > 0.0:
             return
         self._last_s = time_s
-        self._fit.add(position_m, level, math.atan2(self._wind_m_s[1], self._wind_m_s[0]))
+        self._fit.add(position_m, level, elementary.atan2(self._wind_m_s[1], self._wind_m_s[0]))
 
     def estimate(self, time_s: float, height_m: float) -> Estimate | None:
         """Return the estimate of the source at a height, if all conditions hold now."""
@@ -338,7 +339,7 @@ class PlumeFitRule:
         is_sure = found.advantage_nats >= _LEAST_NATS and found.share >= _LEAST_SHARE
         if not (is_still and is_sure) and time_s < self._latest_s:
             return None
-        confidence = found.share * -math.expm1(-found.advantage_nats)
+        confidence = found.share * -elementary.expm1(-found.advantage_nats)
         return Estimate(position_m=(*map(to_millimetre, found.position_m), height_m), confidence=confidence)
 
 
@@ -447,7 +448,7 @@ class ReactiveDeclarer:
         stop_m = observation.position_world_m[: 2 if is_planar else 3]
         level = self._level.of(value)
         # After a declaration the vehicle is asked again where it is.
-        if self._stop_m is None or math.dist(stop_m, self._stop_m) > self._apart_m:
+        if self._stop_m is None or distance(stop_m, self._stop_m) > self._apart_m:
             self._stop_m = stop_m
             self._rule.add(stop_m, level)
         found = self._rule.estimate(upwind_rad)
@@ -477,7 +478,7 @@ class UnchangedRule:
 
     def add(self, peak_m: Sequence[float], *, time_s: float = 0.0) -> bool:
         """Take note of a peak; return whether it has been unchanged for long enough."""
-        if self._place_m is None or math.dist(peak_m, self._place_m) > self._radius_m:
+        if self._place_m is None or distance(peak_m, self._place_m) > self._radius_m:
             self._place_m, self._n_same, self._since_s = tuple(peak_m), 0, time_s
         self._n_same += 1
         return self._n_same >= self._n_legs and time_s - self._since_s >= self._for_s
@@ -502,7 +503,7 @@ class SwarmRule:
 
         Its confidence is the share of members that are near.
         """
-        n_near = sum(math.dist(best_m, member_m) <= self._radius_m for member_m in members_m)
+        n_near = sum(distance(best_m, member_m) <= self._radius_m for member_m in members_m)
         if n_near < len(members_m) or not members_m:
             self._near_since_s = None
         elif self._near_since_s is None:
@@ -550,11 +551,11 @@ def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radiu
         limit_m: 0.4 m in AutoSTE, 0.5 m in the MAPIR group's particle filter [C].
     """
     share = beliefs.normalised(weights)
-    mean_m = share @ positions_m
-    squares_m2 = ((positions_m - mean_m) ** 2).sum(axis=1)
-    if not math.sqrt(float(share @ squares_m2)) < limit_m:
+    mean_m = elementary.product(share, positions_m)
+    squares_m2 = np.square(positions_m - mean_m).sum(axis=1)
+    if not math.sqrt(float((share * squares_m2).sum())) < limit_m:
         return None
-    near = float(share[squares_m2 <= radius_m**2].sum())
+    near = float(share[squares_m2 <= radius_m * radius_m].sum())
     return Estimate(position_m=tuple(float(x) for x in mean_m), confidence=min(1.0, near))
 
 
@@ -566,7 +567,7 @@ def _estimate_of(p: Array, grid: CellGrid, radius_m: float) -> Estimate:
 # The widest angle between neighbouring stops, seen from another one.
 def _widest_gap_rad(origin: _Stop, stops: Sequence[_Stop]) -> float:
     x_m, y_m = origin.position_m[:2]
-    bearings_rad = sorted(math.atan2(stop.position_m[1] - y_m, stop.position_m[0] - x_m) for stop in stops)
+    bearings_rad = sorted(elementary.atan2(stop.position_m[1] - y_m, stop.position_m[0] - x_m) for stop in stops)
     return max(b - a for a, b in pairwise([*bearings_rad, bearings_rad[0] + math.tau]))
 
 
@@ -574,8 +575,8 @@ def _widest_gap_rad(origin: _Stop, stops: Sequence[_Stop]) -> float:
 def _ahead_m(origin: _Stop, stop: _Stop, upwind_rad: float | None) -> float:
     dx_m, dy_m = stop.position_m[0] - origin.position_m[0], stop.position_m[1] - origin.position_m[1]
     if upwind_rad is None:
-        return math.hypot(dx_m, dy_m)
-    return dx_m * math.cos(upwind_rad) + dy_m * math.sin(upwind_rad)
+        return norm2(dx_m, dy_m)
+    return dx_m * elementary.cos(upwind_rad) + dy_m * elementary.sin(upwind_rad)
 
 
 def _centre(stops: Sequence[_Stop]) -> Point:

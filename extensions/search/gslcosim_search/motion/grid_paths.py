@@ -306,7 +306,7 @@ def nearest_free(free: Free, grid: CellGrid, point_m: Point) -> tuple[int, ...] 
     if len(cells) == 0:
         return None
     centres_m = _origin_m(grid) + (cells + 0.5) * grid.cell_m
-    away_m2 = ((centres_m - np.asarray(point_m)[: free.ndim]) ** 2).sum(axis=1)
+    away_m2 = np.square(centres_m - np.asarray(point_m)[: free.ndim]).sum(axis=1)
     return tuple(int(i) for i in cells[int(away_m2.argmin())])
 
 
@@ -342,7 +342,7 @@ def path_length_m(points_m: NDArray[np.float64]) -> float:
 def point_along(points_m: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
     """Return the point of a way, (n, d), that is this far from its start; its end when the way is shorter."""
     for a, b in pairwise(points_m):
-        piece_m = float(np.linalg.norm(b - a))
+        piece_m = float(np.linalg.norm(b - a, axis=0))
         if piece_m > distance_m:
             return a + (b - a) * (distance_m / piece_m)
         distance_m -= piece_m

@@ -12,7 +12,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from gslcosim.agent_kit.commands import waypoint
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
+from gslcosim_search import elementary
 from gslcosim_search.occupancy import OccupancyMap
 from gslcosim_search.random_stream import RandomStream
 
@@ -78,7 +80,7 @@ class LegSpace:
         """
         if not self.contains(start_m[:2]):
             return self.nearest(start_m[:2])
-        direction = (math.cos(heading_rad), math.sin(heading_rad))
+        direction = (elementary.cos(heading_rad), elementary.sin(heading_rad))
         for x, step, low, high in zip(start_m, direction, self.min_m, self.max_m):
             side = high if step > 0.0 else low
             length_m = min(length_m, (side - x) / step) if step != 0.0 else length_m
@@ -123,7 +125,7 @@ def leg_end(
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
     """
     dimensions = 2 if climb_m is None else 3
-    steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)
+    steps_m = (length_m * elementary.cos(heading_rad), length_m * elementary.sin(heading_rad), climb_m or 0.0)
     end_m = tuple(to_millimetre(x + step) for x, step in zip(start_m[:dimensions], steps_m))
     return end_m if room.is_free(start_m[:dimensions], end_m) else None
 
@@ -208,7 +210,7 @@ def next_leg(
 
 
 def _is_same(end_m: Point, refused_m: Sequence[float] | None) -> bool:
-    return refused_m is not None and math.dist(end_m, refused_m[: len(end_m)]) < _SAME_END_M
+    return refused_m is not None and distance(end_m, refused_m[: len(end_m)]) < _SAME_END_M
 
 
 class LegPlanner:
@@ -267,9 +269,9 @@ class LegPlanner:
     def is_worth_it(self, observation: Observation, target_m: Sequence[float]) -> bool:
         """Return True if a leg towards a place leads anywhere before it meets the margin of the room."""
         start_m = observation.position_world_m
-        level_m = math.dist(start_m[:2], cut_end_m(start_m, target_m, self.room))
+        level_m = distance(start_m[:2], cut_end_m(start_m, target_m, self.room))
         climb_m = self._height_within(target_m[2]) - start_m[2] if len(target_m) > 2 else 0.0
-        return math.hypot(level_m, climb_m) >= _LEAST_LEG_M
+        return norm2(level_m, climb_m) >= _LEAST_LEG_M
 
     def leg(
         self,
@@ -301,15 +303,15 @@ class LegPlanner:
     def _end(
         self, start_m: Sequence[float], target_m: Sequence[float], refused_m: Sequence[float] | None
     ) -> tuple[float, float]:
-        wanted_m = math.dist(start_m, target_m[:2])
+        wanted_m = distance(start_m, target_m[:2])
         if wanted_m < _SAME_END_M and refused_m is None:
             return to_millimetre(start_m[0]), to_millimetre(start_m[1])
         aim_m = cut_end_m(start_m, target_m, self.room)
         dx_m, dy_m = aim_m[0] - start_m[0], aim_m[1] - start_m[1]
-        length_m, heading_rad = math.hypot(dx_m, dy_m), math.atan2(dy_m, dx_m)
+        length_m, heading_rad = norm2(dx_m, dy_m), elementary.atan2(dy_m, dx_m)
         end_m = shorten_leg(start_m, heading_rad, length_m, self.room, by_m=_SHORTEN_M, n_tries=_N_SHORTEN)
-        if end_m is None or (refused_m is not None and math.dist(end_m, refused_m) < _SAME_END_M):
-            towards_rad = math.atan2(target_m[1] - start_m[1], target_m[0] - start_m[0])
+        if end_m is None or (refused_m is not None and distance(end_m, refused_m) < _SAME_END_M):
+            towards_rad = elementary.atan2(target_m[1] - start_m[1], target_m[0] - start_m[0])
             end_m = next_leg(start_m, _around(towards_rad), wanted_m, self.room, self._draws, refused_m=refused_m).end_m
         return end_m[0], end_m[1]
 
@@ -335,7 +337,7 @@ def cut_end_m(start_m: Sequence[float], target_m: Sequence[float], room: LegSpac
 
 def step_towards_m(start_m: Sequence[float], target_m: Sequence[float], step_m: float) -> tuple[float, float]:
     """Return the place a step nearer to a target, or the target where that is nearer [m]."""
-    distance_m = math.dist(start_m[:2], target_m[:2])
+    distance_m = distance(start_m[:2], target_m[:2])
     part = 1.0 if distance_m <= step_m else step_m / distance_m
     return start_m[0] + part * (target_m[0] - start_m[0]), start_m[1] + part * (target_m[1] - start_m[1])
 
@@ -377,7 +379,7 @@ class StuckDetector:
             return False
         x_m = math.fsum(x for x, _ in self._places_m) / self._n_legs
         y_m = math.fsum(y for _, y in self._places_m) / self._n_legs
-        return all(math.hypot(x - x_m, y - y_m) <= self._radius_m for x, y in self._places_m)
+        return all(norm2(x - x_m, y - y_m) <= self._radius_m for x, y in self._places_m)
 
     def release(self) -> None:
         """Forget all places: the vehicle leaves, or stays for a reason."""

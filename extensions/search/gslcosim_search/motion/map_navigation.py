@@ -14,7 +14,9 @@ import numpy as np
 from gslcosim.agent_kit.commands import waypoint
 from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.grid_paths import (
     Free,
@@ -95,7 +97,7 @@ class Stop:
         if self.wind is None:
             return 0.0, 0.0
         speed_m_s, upwind_rad = self.wind.speed_m_s, self.wind.upwind_rad
-        return -speed_m_s * math.cos(upwind_rad), -speed_m_s * math.sin(upwind_rad)
+        return -speed_m_s * elementary.cos(upwind_rad), -speed_m_s * elementary.sin(upwind_rad)
 
     def downwind_rad(self, threshold_m_s: float) -> float | None:
         """Return the downwind direction [rad]; None in calm air, which is no faster than the threshold."""
@@ -133,7 +135,7 @@ class StopRecorder:
         while self._track[0][0] < observation.time_s - self._every_s:
             self._track.popleft()
         # A span that began on the way says nothing about one place.
-        if finding is not None and all(math.dist(place, finding.sensor_m) <= _HERE_M for _, place in self._track):
+        if finding is not None and all(distance(place, finding.sensor_m) <= _HERE_M for _, place in self._track):
             self._findings.append(finding)
 
     def stop(self, observation: Observation) -> Stop:
@@ -141,7 +143,7 @@ class StopRecorder:
         self.add(observation)
         findings, self._findings = self._findings, []
         here_m = observation.position_world_m
-        near = (finding for finding in findings if math.dist(finding.sensor_m, here_m) <= _HERE_M)
+        near = (finding for finding in findings if distance(finding.sensor_m, here_m) <= _HERE_M)
         measured = self._hold.measured()
         return Stop(position_m=here_m, findings=tuple(near), wind=None if measured is None else measured.wind)
 
@@ -180,11 +182,11 @@ class MapNavigator:
         """Return True if there is a goal that the vehicle has not reached, and nothing was refused."""
         if self.goal_m is None or self.pilot.was_refused(observation):
             return False
-        return math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
+        return distance(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
 
     def was_missed(self, observation: Observation) -> bool:
         """Return True if the vehicle is elsewhere than at its goal: it was refused, or led around."""
-        return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
+        return self.goal_m is not None and distance(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
 
     def leg(
         self, observation: Observation, *, at_most_m: float = math.inf, hold_s: float | None = None
@@ -205,8 +207,8 @@ class MapNavigator:
             return None
         x_m, y_m = path_m[-1]
         self.goal_m = (float(x_m), float(y_m))
-        bends_m = [point_m for point_m in path_m[1:] if math.dist(point_m, here_m) > _ARRIVED_M] or [path_m[-1]]
-        is_last = len(bends_m) == 1 and math.dist(here_m, bends_m[0]) <= at_most_m
+        bends_m = [point_m for point_m in path_m[1:] if distance(point_m, here_m) > _ARRIVED_M] or [path_m[-1]]
+        is_last = len(bends_m) == 1 and distance(here_m, bends_m[0]) <= at_most_m
         x_m, y_m = point_along(np.array([here_m, bends_m[0]]), at_most_m)
         return self.pilot.leg(observation, (float(x_m), float(y_m)), hold_s=hold_s if is_last else 0.0)
 

@@ -5,13 +5,14 @@ Held by:
     extensions/search/tests/unit/reactive/test_random_walks.py
 """
 
-import math
 from collections.abc import Sequence
 from typing import ClassVar
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.agent_kit.commands import LegCommander
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim.base.scalar_kernels import distance
+from gslcosim_search import elementary
 from gslcosim_search.motion.legs import N_TRIES, LegSpace, Point, leg_end
 from gslcosim_search.random_stream import RandomStream
 
@@ -93,8 +94,9 @@ def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most
     """
     q = 1.0 - exponent
     if abs(q) < 1e-9:
-        return least_m * (most_m / least_m) ** fraction
-    return (least_m**q + fraction * (most_m**q - least_m**q)) ** (1.0 / q)
+        return least_m * elementary.pow(most_m / least_m, fraction)
+    least, most = elementary.pow(least_m, q), elementary.pow(most_m, q)
+    return elementary.pow(least + fraction * (most - least), 1.0 / q)
 
 
 class LevyWalk:
@@ -112,7 +114,7 @@ class LevyWalk:
     def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:
         """Begin a walk with lengths from `least_m`, with the power law's exponent."""
         self._room, self._draws, self._exponent, self._least_m = room, draws, exponent, least_m
-        self._most_m = max(least_m, math.dist(room.min_m[:2], room.max_m[:2]))
+        self._most_m = max(least_m, distance(room.min_m[:2], room.max_m[:2]))
 
     def next_end_m(self, start_m: Sequence[float]) -> Point:
         """Return the end of the next leg, x and y, world frame [m]."""
@@ -121,7 +123,7 @@ class LevyWalk:
         )
         for _ in range(N_TRIES):
             end_m = self._room.farthest(start_m[:2], self._draws.angle_rad(), length_m)
-            if math.dist(start_m[:2], end_m) >= self._least_m / 2.0:
+            if distance(start_m[:2], end_m) >= self._least_m / 2.0:
                 return end_m
         return self._room.nearest(start_m[:2])
 

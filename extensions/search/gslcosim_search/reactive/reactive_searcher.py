@@ -4,7 +4,6 @@ Held by:
     extensions/search/tests/unit/reactive/test_reactive_searcher.py
 """
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,8 @@ from types import SimpleNamespace
 
 from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance
+from gslcosim_search import elementary
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
 from gslcosim_search.motion.legs import LegPlanner, StuckDetector
@@ -61,12 +62,12 @@ class LossPoints:
         ordered = sorted(self.places_m, key=lambda place: -_along_m(place, upwind_rad))
         if _along_m(ordered[0], upwind_rad) - _along_m(ordered[-1], upwind_rad) >= self._spread_m:
             return None
-        n_near = sum(math.dist(place[:2], ordered[0][:2]) <= self._spread_m for place in ordered)
+        n_near = sum(distance(place[:2], ordered[0][:2]) <= self._spread_m for place in ordered)
         return Estimate(position_m=ordered[0], confidence=n_near / self._n)
 
 
 def _along_m(place_m: Sequence[float], upwind_rad: float) -> float:
-    return place_m[0] * math.cos(upwind_rad) + place_m[1] * math.sin(upwind_rad)
+    return place_m[0] * elementary.cos(upwind_rad) + place_m[1] * elementary.sin(upwind_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

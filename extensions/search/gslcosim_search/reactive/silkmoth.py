@@ -7,7 +7,9 @@ Held by:
 import math
 from dataclasses import dataclass
 
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.contract.messages import Observation
+from gslcosim_search import elementary
 from gslcosim_search.senses.instruments import Vane
 
 # A moth's surge [m/s], its turns while it surges and while it zigzags [rad/s].
@@ -136,9 +138,9 @@ class TrueWind:
         if self._wind_m_s is None:
             self._wind_m_s = (x_m_s, y_m_s)
         elif observation.time_s > self._last_s:
-            weight = -math.expm1(-(observation.time_s - self._last_s) / self._smoothing_s)
+            weight = -elementary.expm1(-(observation.time_s - self._last_s) / self._smoothing_s)
             old_x, old_y = self._wind_m_s
             self._wind_m_s = (old_x + weight * (x_m_s - old_x), old_y + weight * (y_m_s - old_y))
         self._last_s = observation.time_s
-        if math.hypot(*self._wind_m_s) > self._threshold_m_s:
-            self.upwind_rad = math.atan2(0.0 - self._wind_m_s[1], 0.0 - self._wind_m_s[0])
+        if norm2(*self._wind_m_s) > self._threshold_m_s:
+            self.upwind_rad = elementary.atan2(0.0 - self._wind_m_s[1], 0.0 - self._wind_m_s[0])

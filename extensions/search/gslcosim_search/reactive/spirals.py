@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
 from gslcosim_search.random_stream import RandomStream
 
 FULL_TURN_RAD = 6.283185307179586
@@ -46,7 +48,8 @@ def spiral_length_m(gap_m: float, angle_rad: float) -> float:
     Held by:
         extensions/search/tests/unit/reactive/test_spirals.py (a fine polygon has the same length)
     """
-    return gap_m / (2.0 * FULL_TURN_RAD) * (angle_rad * math.hypot(1.0, angle_rad) + math.asinh(angle_rad))
+    slant = norm2(1.0, angle_rad)
+    return gap_m / (2.0 * FULL_TURN_RAD) * (angle_rad * slant + elementary.log(angle_rad + slant))
 
 
 def arc_turn_rad(gap_m: float, radius_m: float, arc_m: float) -> float:
@@ -60,7 +63,7 @@ def arc_turn_rad(gap_m: float, radius_m: float, arc_m: float) -> float:
     Held by:
         extensions/search/tests/unit/reactive/test_spirals.py (it is the slope of the length)
     """
-    return arc_m / math.hypot(radius_m, gap_m / FULL_TURN_RAD)
+    return arc_m / norm2(radius_m, gap_m / FULL_TURN_RAD)
 
 
 def spiral_angle_rad(gap_m: float, length_m: float) -> float:
@@ -122,7 +125,7 @@ class ArchimedeanSpiral:
         turned_rad = spiral_angle_rad(self._gap_m, self.n_steps * self._arc_m)
         radius_m = spiral_radius_m(self._gap_m, turned_rad)
         direction_rad = self._start_rad + self._side * turned_rad
-        return radius_m * math.cos(direction_rad), radius_m * math.sin(direction_rad)
+        return radius_m * elementary.cos(direction_rad), radius_m * elementary.sin(direction_rad)
 
 
 class SquareSpiral:
@@ -176,8 +179,8 @@ class SquareSpiral:
             return None
         heading_rad = self._heading_rad + self._side * RIGHT_ANGLE_RAD * (self.n_legs % 4)
         length_m = self.next_length_m
-        self._x_m += length_m * math.cos(heading_rad)
-        self._y_m += length_m * math.sin(heading_rad)
+        self._x_m += length_m * elementary.cos(heading_rad)
+        self._y_m += length_m * elementary.sin(heading_rad)
         self.n_legs += 1
         return self._x_m, self._y_m
 
@@ -243,7 +246,7 @@ def leaf_radius_m(radius_m: float, angle_rad: float) -> float:
     r(phi) = R cos(2 phi)        phi from the leaf's axis, within an eighth of a turn to either side [rad]
     [m] = [m]
     """
-    return radius_m * math.cos(2.0 * angle_rad)
+    return radius_m * elementary.cos(2.0 * angle_rad)
 
 
 @dataclass(kw_only=True)
@@ -281,6 +284,6 @@ class CloverleafPath:
         distance_m = leaf_radius_m(self.radius_m, from_axis_rad)
         direction_rad = self.upwind_rad + self.side * (_LEAF_TURNS[leaf] * QUARTER_TURN_RAD + from_axis_rad)
         return (
-            self.centre_m[0] + distance_m * math.cos(direction_rad),
-            self.centre_m[1] + distance_m * math.sin(direction_rad),
+            self.centre_m[0] + distance_m * elementary.cos(direction_rad),
+            self.centre_m[1] + distance_m * elementary.sin(direction_rad),
         )

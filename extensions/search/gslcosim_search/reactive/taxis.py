@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing, Observation
+from gslcosim_search import elementary
 from gslcosim_search.senses.hit_detection import BoutDetector
 from gslcosim_search.senses.instruments import Nose, find_noses
 
@@ -54,8 +56,8 @@ class RecentReadings:
     def _weight(
         self, reading: tuple[float, tuple[float, float], float], time_s: float, place_m: Sequence[float]
     ) -> float:
-        age, distance = (time_s - reading[0]) / self._within_s, math.dist(reading[1], place_m[:2]) / self._within_m
-        return max(0.0, 1.0 - age) * max(0.0, 1.0 - distance)
+        age, away = (time_s - reading[0]) / self._within_s, distance(reading[1], place_m[:2]) / self._within_m
+        return max(0.0, 1.0 - age) * max(0.0, 1.0 - away)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +70,12 @@ class GradientFit:
     @property
     def heading_rad(self) -> float:
         """Heading along which the gas grows, world frame [rad]."""
-        return math.atan2(self.gradient_per_m[1], self.gradient_per_m[0])
+        return elementary.atan2(self.gradient_per_m[1], self.gradient_per_m[0])
 
     @property
     def is_significant(self) -> bool:
         """True if the gradient is longer than its standard error."""
-        length_per_m = math.hypot(*self.gradient_per_m)
+        length_per_m = norm2(*self.gradient_per_m)
         return length_per_m > 0.0 and length_per_m > self.standard_error_per_m
 
 
@@ -101,28 +103,39 @@ def fit_gradient(
     if n < 4 or not total > 0.0:
         return None
     share = weights * (n / total)
-    offsets_m = positions_m - share @ positions_m / n
-    rises = values - share @ values / n
-    spread = (offsets_m * share[:, None]).T @ offsets_m
-    sizes, axes = np.linalg.eigh(spread)
-    kept = sizes > _LEAST_SPREAD_FRAC**2 * max(float(sizes[-1]), 1e-12)
-    if not kept.any() or not sizes[-1] > 1e-9:
+    offsets_m = positions_m - elementary.product(share, positions_m) / n
+    rises = values - float((share * values).sum()) / n
+    weighted_m = (offsets_m * share[:, None]).T
+    (xx, xy), (_, yy) = elementary.product(weighted_m, offsets_m).tolist()
+    inverse, rank = _invert_spread(xx, xy, yy)
+    if rank == 0:
         return None
-    inverse = (axes[:, kept] / sizes[kept]) @ axes[:, kept].T
-    gradient = inverse @ ((offsets_m * share[:, None]).T @ rises)
-    residuals = rises - offsets_m @ gradient
-    n_free = max(1, n - 1 - int(kept.sum()))
-    variance = float(share @ residuals**2) / n_free
+    gradient = elementary.product(inverse, elementary.product(weighted_m, rises))
+    residuals = rises - elementary.product(offsets_m, gradient)
+    n_free = max(1, n - 1 - rank)
+    variance = float((share * np.square(residuals)).sum()) / n_free
     error = _error_along(gradient, variance * inverse)
     return GradientFit(gradient_per_m=(float(gradient[0]), float(gradient[1])), standard_error_per_m=error)
 
 
+# The pseudo-inverse of ((xx, xy), (xy, yy)) and its rank; the spread is 0 on an axis on which it is small.
+def _invert_spread(xx: float, xy: float, yy: float) -> tuple[NDArray[np.float64], int]:
+    middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    away = norm2(half, xy)
+    if not middle + away > 1e-9:
+        return np.zeros((2, 2)), 0
+    if middle - away > _LEAST_SPREAD_FRAC * _LEAST_SPREAD_FRAC * (middle + away):
+        return np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy), 2
+    x, y = (half + away, xy) if half >= 0.0 else (xy, away - half)
+    return np.array([[x * x, x * y], [x * y, y * y]]) / ((x * x + y * y) * (middle + away)), 1
+
+
 def _error_along(gradient: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    length = float(np.linalg.norm(gradient))
+    length = float(np.linalg.norm(gradient, axis=0))
     if length == 0.0:
         return math.inf
     unit = gradient / length
-    return math.sqrt(max(0.0, float(unit @ covariance @ unit)))
+    return math.sqrt(max(0.0, float((unit * elementary.product(covariance, unit)).sum())))
 
 
 def mount_position_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: Sequence[float]) -> tuple[float, float]:
@@ -131,7 +144,7 @@ def mount_position_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: 
     p + R(yaw) m        p position of the vehicle, m mount in the body frame (x forward, y left)
     """
     x_m, y_m = mount_body_m[0], mount_body_m[1]
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    cosine, sine = elementary.cos(yaw_rad), elementary.sin(yaw_rad)
     return position_m[0] + cosine * x_m - sine * y_m, position_m[1] + sine * x_m + cosine * y_m
 
 
@@ -197,7 +210,8 @@ def bearing_rad(left: float, right: float, gain: float) -> float:
     """
     if not (left + right > 0.0 and math.isfinite(left + right)):
         return 0.0
-    return math.asin(max(-1.0, min(1.0, gain * (left - right) / (left + right))))
+    sine = max(-1.0, min(1.0, gain * (left - right) / (left + right)))
+    return elementary.atan2(sine, math.sqrt((1.0 - sine) * (1.0 + sine)))
 
 
 def turn_rad(bearing: float, *, straight_rad: float, half_rad: float) -> float:

@@ -240,7 +240,7 @@ class CastSurge:
         if self._left == 0:
             self._side = opposite_move(self._side)
             self._n_runs = min(self._n_runs + 1, _MOST_DOUBLINGS)
-            self._left = 2**self._n_runs
+            self._left = 1 << self._n_runs
             return UPWIND
         self._left -= 1
         return self._side

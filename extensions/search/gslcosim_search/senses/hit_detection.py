@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Observation
+from gslcosim_search import elementary
 from gslcosim_search.senses.instruments import Nose
 
 # A reading may jump between two observations that a silent second separates; steps of time are bounded below.
@@ -167,7 +168,7 @@ class OnsetDetector:
         """Take a sample; return whether the gas grows. Samples of no later time and broken ones are ignored."""
         if not (math.isfinite(ohm) and ohm > 0.0):
             return self.is_onset
-        log_ohm = math.log(ohm)
+        log_ohm = elementary.log(ohm)
         if self._smooth is None:
             self._smooth = self._last_log = log_ohm
             self._first_s = self._last_s = time_s
@@ -178,7 +179,7 @@ class OnsetDetector:
 
     # The slope is the mean one of the smoothed logarithm over the step, so that steps may differ in length.
     def _follow(self, log_ohm: float, smooth: float, step_s: float) -> None:
-        weight = -math.expm1(-step_s / self._smoothing_s)
+        weight = -elementary.expm1(-step_s / self._smoothing_s)
         self._learn_noise(
             log_ohm - self._last_log - self.slope_per_s * step_s, step_s, is_new=log_ohm != self._last_log
         )
@@ -192,8 +193,8 @@ class OnsetDetector:
         if not is_new:
             return
         self._n_changes += 1
-        weight = max(-math.expm1(-step_s / self._memory_s), 1.0 / self._n_changes)
-        self._noise_variance += weight * (surprise**2 / 2.0 - self._noise_variance)
+        weight = max(-elementary.expm1(-step_s / self._memory_s), 1.0 / self._n_changes)
+        self._noise_variance += weight * (surprise * surprise / 2.0 - self._noise_variance)
 
 
 class MoxEvidence:
@@ -253,7 +254,7 @@ class MoxEvidence:
         smooth = self._slow.log_ohm
         if smooth is not None:
             before = smooth if self._baseline is None else self._baseline
-            self._baseline = smooth + max(0.0, before - smooth) * math.exp(-(time_s - self._last_s) / _FORGET_S)
+            self._baseline = smooth + max(0.0, before - smooth) * elementary.exp(-(time_s - self._last_s) / _FORGET_S)
         self._last_s = time_s
         return self.is_gas and not self._is_broken
 
@@ -308,7 +309,7 @@ class BoutDetector:
         return self.is_bout
 
     def _weight(self, span: float, step_s: float) -> float:
-        return 1.0 - (1.0 - 2.0 / (span + 1.0)) ** (step_s / self._sample_s)
+        return 1.0 - elementary.pow(1.0 - 2.0 / (span + 1.0), step_s / self._sample_s)
 
 
 class GasHits:

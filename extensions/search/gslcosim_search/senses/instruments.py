@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 
 from gslcosim.base.quantities import ESTIMATE_QUANTITY, POINT_GAS_QUANTITIES, Vec3
+from gslcosim.base.scalar_kernels import norm2
 from gslcosim.contract.messages import Briefing, Observation, SensorDescription
 from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
+from gslcosim_search import elementary
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"
@@ -60,14 +62,14 @@ class Vane:
 
     def speed_m_s(self, observation: Observation) -> float:
         """Return the speed of the wind [m/s], in the plane."""
-        return math.hypot(*self.wind_world_m_s(observation))
+        return norm2(*self.wind_world_m_s(observation))
 
     def upwind_rad(self, observation: Observation) -> float:
         """Return the direction the wind comes from, world frame, counter-clockwise from x [rad]."""
         if not self.is_3d:
             return observation.reading(self.name).values[1]
         x_m_s, y_m_s = self.wind_world_m_s(observation)
-        return math.atan2(-y_m_s, -x_m_s)
+        return elementary.atan2(-y_m_s, -x_m_s)
 
     def wind_world_m_s(self, observation: Observation) -> tuple[float, float]:
         """Return the horizontal wind vector, world frame [m/s]: where the air goes."""
@@ -75,7 +77,7 @@ class Vane:
         if self.is_3d:
             return values[0], values[1]
         speed_m_s, upwind_rad = values
-        return -speed_m_s * math.cos(upwind_rad), -speed_m_s * math.sin(upwind_rad)
+        return -speed_m_s * elementary.cos(upwind_rad), -speed_m_s * elementary.sin(upwind_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing, Observation
+from gslcosim_search import elementary
 from gslcosim_search.senses.hit_detection import GasHits, is_more_gas
 from gslcosim_search.senses.instruments import Nose, Vane, find_noses, find_vanes
 
@@ -173,7 +175,7 @@ class StopAndMeasure:
     def _goes_on(self, observation: Observation) -> bool:
         if self._hold_at_m is None or observation.status not in _AT_REST:
             return False
-        return math.dist(self._hold_at_m, observation.position_world_m) <= _ELSEWHERE_M
+        return distance(self._hold_at_m, observation.position_world_m) <= _ELSEWHERE_M
 
     def _are_ready(self, observation: Observation) -> bool:
         instruments: tuple[Nose | Vane, ...] = (*self._noses, *([self._vane] if self._vane else []))
@@ -271,9 +273,9 @@ def circular_mean_rad(angles_rad: Sequence[float]) -> tuple[float, float]:
         Mardia and Jupp 2000, Directional Statistics, section 2.2 (textbook definition).
     """
     n = max(1, len(angles_rad))
-    sine = math.fsum(math.sin(angle) for angle in angles_rad) / n
-    cosine = math.fsum(math.cos(angle) for angle in angles_rad) / n
-    return math.atan2(sine, cosine), math.hypot(sine, cosine)
+    sine = math.fsum(elementary.sin(angle) for angle in angles_rad) / n
+    cosine = math.fsum(elementary.cos(angle) for angle in angles_rad) / n
+    return elementary.atan2(sine, cosine), norm2(sine, cosine)
 
 
 def mean_wind(winds: Sequence[tuple[float, float]]) -> MeasuredWind:
@@ -326,7 +328,7 @@ class Contact:
         """
         if self.has_gas:
             return math.inf
-        return -math.inf if self.last_m is None else lost_m - math.dist(self.last_m, here_m)
+        return -math.inf if self.last_m is None else lost_m - distance(self.last_m, here_m)
 
 
 class PlumeContactDetector:

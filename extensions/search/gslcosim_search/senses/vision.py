@@ -5,7 +5,6 @@ Held by:
 """
 
 import io
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import CameraImage
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised
 
 Array = NDArray[np.float64]
@@ -135,7 +136,8 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     """
     offsets = (points_px - np.array(image.centre_px)) / image.focal_px
     optical = np.column_stack([offsets, np.ones(len(offsets))])
-    return optical @ (_yaw_rotation(view.yaw_rad) @ _rotation(image.quaternion_body_wxyz)).T
+    turned = elementary.product(_yaw_rotation(view.yaw_rad), _rotation(image.quaternion_body_wxyz))
+    return elementary.product(optical, turned.T)
 
 
 def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, floor_m: float = 0.0) -> Array:
@@ -154,7 +156,7 @@ def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, fl
     Held by:
         extensions/search/tests/unit/senses/test_vision.py (what is projected into a picture comes back)
     """
-    eye_m = np.array(view.position_m) + _yaw_rotation(view.yaw_rad) @ np.array(image.position_body_m)
+    eye_m = np.array(view.position_m) + elementary.product(_yaw_rotation(view.yaw_rad), image.position_body_m)
     directions = world_directions(image, view, points_px)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (floor_m - eye_m[2]) / directions[:, 2]
@@ -184,7 +186,7 @@ def seen_objects(
         whole = ~is_coloured[bottoms, columns]
         points_px = np.column_stack([columns[whole] + 0.5, bottoms[whole]]).astype(np.float64)
         feet_m = floor_positions(image, view, points_px, floor_m=floor_m)
-        ranges_m = np.hypot(feet_m[:, 0] - view.position_m[0], feet_m[:, 1] - view.position_m[1])
+        ranges_m = np.linalg.norm(feet_m - view.position_m[:2], axis=1)
         near = ranges_m <= farthest_m
         if near.any():
             found.append(SeenObject(label=label, feet_m=feet_m[near], range_m=float(ranges_m[near].min())))
@@ -213,7 +215,7 @@ class SeenObjects:
 
     def _add(self, thing: SeenObject) -> bool:
         for i, known in enumerate(self._things):
-            if known.label == thing.label and math.dist(known.centre_m, thing.centre_m) < self._merge_m:
+            if known.label == thing.label and distance(known.centre_m, thing.centre_m) < self._merge_m:
                 if thing.range_m < known.range_m:
                     self._things[i] = thing
                     return True
@@ -251,8 +253,8 @@ def prior_from_objects(
     centres_m = grid.centres_m()
     for thing in objects:
         o = odds.get(thing.label, other_odds)
-        squares_m2 = ((centres_m[:, None, :] - thing.feet_m[None, :, :]) ** 2).sum(axis=-1).min(axis=1)
-        weight = 1.0 + (o - 1.0) * np.exp(-0.5 * squares_m2 / spread_m**2).reshape(grid.shape)
+        squares_m2 = np.square(centres_m[:, None, :] - thing.feet_m[None, :, :]).sum(axis=-1).min(axis=1)
+        weight = 1.0 + (o - 1.0) * elementary.exp_each(-0.5 * squares_m2 / (spread_m * spread_m)).reshape(grid.shape)
         most, least = np.maximum(most, weight), np.minimum(least, weight)
     return normalised(most * least)
 
@@ -272,7 +274,7 @@ def _filled(colour: NDArray[np.int64], row: int, column: int) -> NDArray[np.bool
 
 
 def _yaw_rotation(yaw_rad: float) -> Array:
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    c, s = elementary.cos(yaw_rad), elementary.sin(yaw_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 

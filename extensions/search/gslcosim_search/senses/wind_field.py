@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Observation
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.senses.instruments import Vane
 
@@ -121,7 +122,7 @@ class WindField:
 
     def add(self, place_m: tuple[float, float], wind_m_s: tuple[float, float], *, elapsed_s: float = 0.0) -> None:
         """Take note of a wind that was met at a place, `elapsed_s` after the last one."""
-        self._sums *= math.exp(-elapsed_s / self._memory_s)
+        self._sums *= elementary.exp(-elapsed_s / self._memory_s)
         self._sums[self.grid.nearest_cell(place_m)] += (1.0, *wind_m_s)
 
     def winds_m_s(self) -> Array:
@@ -132,9 +133,10 @@ class WindField:
         met = np.concatenate([np.minimum(weight, 1.0), np.minimum(weight, 1.0) * means], axis=-1)
         total = met.sum(axis=(0, 1))
         mean_wind = total[1:] / total[0] if total[0] > 0.0 else np.zeros(2)
-        near = np.stack([self._spread[0] @ met[..., k] @ self._spread[1] for k in range(3)], axis=-1)
+        along_x = elementary.product(self._spread[0], met.reshape(len(met), -1)).reshape(met.shape)
+        near = elementary.product(along_x.transpose(0, 2, 1), self._spread[1]).transpose(0, 2, 1)
         return (near[..., 1:] + self._mean_weight * mean_wind) / (near[..., :1] + self._mean_weight)
 
 
 def _kernel(centres_m: Array, reach_m: float) -> Array:
-    return np.exp(-0.5 * ((centres_m[:, None] - centres_m[None, :]) / reach_m) ** 2)
+    return elementary.exp_each(-0.5 * np.square((centres_m[:, None] - centres_m[None, :]) / reach_m))

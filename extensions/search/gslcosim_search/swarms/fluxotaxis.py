@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
 from gslcosim_search.swarms.formations import COLLINEAR_FRAC, PlaneFit, fit_plane
 
 Floats = NDArray[np.float64]
@@ -45,10 +47,10 @@ def lattice_forces(positions_m: Floats, spacing_m: float, *, soft_m: float) -> F
         extensions/search/tests/unit/swarms/test_fluxotaxis.py (a hexagon is at rest; all forces together are zero)
     """
     apart_m = positions_m[None, :, :] - positions_m[:, None, :]
-    distance_m = np.hypot(apart_m[..., 0], apart_m[..., 1])
+    distance_m = np.linalg.norm(apart_m, axis=-1)
     is_near = (distance_m < REACH * spacing_m) & (distance_m > 0.0)
     held_m = np.where(is_near, np.maximum(distance_m, 0.1 * spacing_m), np.inf)
-    strength = np.clip((distance_m - spacing_m) / soft_m, -1.0, 1.0) * (spacing_m / held_m) ** 2 / held_m
+    strength = np.clip((distance_m - spacing_m) / soft_m, -1.0, 1.0) * np.square(spacing_m / held_m) / held_m
     return np.sum(strength[..., None] * apart_m, axis=1)
 
 
@@ -121,7 +123,7 @@ def ring_flow(positions_m: Floats, flux: Floats) -> RingFlow:
     places_m, flux = positions_m[list(around)], flux[list(around)]
     chord_m = np.roll(places_m, -1, axis=0) - np.roll(places_m, 1, axis=0)
     normal_m = 0.5 * np.column_stack((chord_m[:, 1], -chord_m[:, 0]))
-    through = np.sum(flux * normal_m, axis=1) * (2.0 * math.pi / n) / math.sin(2.0 * math.pi / n)
+    through = np.sum(flux * normal_m, axis=1) * (2.0 * math.pi / n) / elementary.sin(2.0 * math.pi / n)
     return RingFlow(inward=float(-through[through < 0.0].sum()), outward=float(through[through > 0.0].sum()))
 
 
@@ -142,11 +144,11 @@ def inflow_direction(positions_m: Floats, flux: Floats) -> Floats | None:
     if len(positions_m) < 2:
         return None
     away_m = positions_m - positions_m.mean(axis=0)
-    distance_m = np.hypot(away_m[:, 0], away_m[:, 1])
+    distance_m = np.linalg.norm(away_m, axis=1)
     outward = away_m / np.maximum(distance_m, 1e-9)[:, None]
     inward = np.maximum(0.0, -np.sum(flux * outward, axis=1))
     towards = np.sum((inward * (distance_m > 0.5 * distance_m.max()))[:, None] * outward, axis=0)
-    size = math.hypot(towards[0], towards[1])
+    size = norm2(towards[0], towards[1])
     return towards / size if size > 1e-12 else None
 
 
@@ -172,14 +174,15 @@ def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats
         extensions/search/tests/unit/swarms/test_fluxotaxis.py (exact for linear fluxes)
     """
     apart_m = positions_m[:, None] - positions_m[None]
-    is_near = np.hypot(apart_m[..., 0], apart_m[..., 1]) <= reach_m
-    means_m = is_near @ positions_m / is_near.sum(axis=1)[:, None]
+    is_near = np.linalg.norm(apart_m, axis=-1) <= reach_m
+    means_m = elementary.product(is_near, positions_m) / is_near.sum(axis=1)[:, None]
     rows = (positions_m[None] - means_m[:, None]) * is_near[..., None]
-    normal, moments = np.einsum("ija,ijb->iab", rows, rows), np.einsum("ija,jb->iab", rows, flux)
+    normal = (rows[..., None] * rows[..., None, :]).sum(axis=1)
+    moments = (rows[..., None] * flux[:, None]).sum(axis=1)
     (xx, xy), (_, yy) = normal[:, 0].T, normal[:, 1].T
-    determinant = xx * yy - xy**2
+    determinant = xx * yy - xy * xy
     # As in a plane fit: the spreads of the places along and across, whose squares have this product and this sum.
-    spans_plane = determinant > (COLLINEAR_FRAC * (xx + yy)) ** 2
+    spans_plane = determinant > np.square(COLLINEAR_FRAC * (xx + yy))
     sum_of_slopes = yy * moments[:, 0, 0] - xy * (moments[:, 1, 0] + moments[:, 0, 1]) + xx * moments[:, 1, 1]
     return np.where(spans_plane, sum_of_slopes / np.where(spans_plane, determinant, 1.0), np.nan)
 
@@ -252,7 +255,7 @@ class OutflowRule:
 # Counter-clockwise around the mean, without those nearer to it than half of the others' mean distance.
 def _ring_order(positions_m: Floats) -> tuple[int, ...]:
     from_mean_m = positions_m - np.mean(positions_m, axis=0)
-    distance_m = np.hypot(from_mean_m[:, 0], from_mean_m[:, 1])
+    distance_m = np.linalg.norm(from_mean_m, axis=1)
     is_around = distance_m > 0.5 * distance_m.max(initial=0.0)
-    angles_rad = np.arctan2(from_mean_m[:, 1], from_mean_m[:, 0])
+    angles_rad = elementary.atan2_each(from_mean_m[:, 1], from_mean_m[:, 0])
     return tuple(int(i) for i in np.argsort(angles_rad, kind="stable") if is_around[i])

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
 from gslcosim_search.motion.declaration import Estimate, SwarmRule
 from gslcosim_search.motion.legs import LegPlanner, LegSpace
 from gslcosim_search.reactive.cast_and_surge import CastSequence
@@ -72,7 +74,7 @@ def ring(n: int, radius_m: float, *, with_centre: bool = False, first_rad: float
     """
     n_around = n - 1 if with_centre else n
     angles_rad = first_rad + np.arange(n_around) * (2.0 * math.pi / max(n_around, 1))
-    around = radius_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+    around = radius_m * np.column_stack((elementary.cos_each(angles_rad), elementary.sin_each(angles_rad)))
     return np.vstack((np.zeros((1, 2)), around)) if with_centre else around
 
 
@@ -113,7 +115,7 @@ def in_world(slots_m: Floats, upwind_rad: float) -> Floats:
 
     b = (s_x cos a - s_y sin a, s_x sin a + s_y cos a)        a direction the wind comes from, from world x [rad]
     """
-    cos, sin = math.cos(upwind_rad), math.sin(upwind_rad)
+    cos, sin = elementary.cos(upwind_rad), elementary.sin(upwind_rad)
     x, y = slots_m[:, 0], slots_m[:, 1]
     return np.column_stack((x * cos - y * sin, x * sin + y * cos))
 
@@ -173,14 +175,17 @@ def fit_plane(positions_m: Floats, readings: Floats) -> PlaneFit:
     if n < 3:
         return PlaneFit(mean=mean, gradient_per_m=None, problem=f"expected readings of three robots, there were {n}.")
     rows = np.asarray(positions_m, dtype=np.float64) - np.mean(positions_m, axis=0)
-    long_m, short_m = np.linalg.svd(rows, compute_uv=False)
-    if short_m <= COLLINEAR_FRAC * long_m or long_m == 0.0:
+    (xx, xy), (_, yy) = elementary.product(rows.T, rows).tolist()
+    # The squares of the spreads along and across have this product, and the sum xx + yy.
+    determinant, least = xx * yy - xy * xy, COLLINEAR_FRAC * (xx + yy)
+    if not determinant > least * least:
         problem = f"expected robots that span a plane, the {n} were in a line: the slope across it is unknown."
         return PlaneFit(mean=mean, gradient_per_m=None, problem=problem)
-    gradient = np.linalg.lstsq(rows, readings - mean, rcond=None)[0]
-    misfit = readings - mean - rows @ gradient
-    residual = math.sqrt(float(np.mean(misfit**2)))
-    return PlaneFit(mean=mean, gradient_per_m=(float(gradient[0]), float(gradient[1])), residual=residual)
+    x, y = elementary.product(rows.T, readings - mean).tolist()
+    gradient = ((yy * x - xy * y) / determinant, (xx * y - xy * x) / determinant)
+    misfit = readings - mean - elementary.product(rows, gradient)
+    residual = math.sqrt(float(np.mean(np.square(misfit))))
+    return PlaneFit(mean=mean, gradient_per_m=gradient, residual=residual)
 
 
 def mixed_direction(gradient: tuple[float, float] | None, upwind_rad: float | None, wind_share: float) -> Floats | None:
@@ -195,12 +200,14 @@ def mixed_direction(gradient: tuple[float, float] | None, upwind_rad: float | No
         The mix is ours; formations that climb gradients ignore the wind.
     """
     parts = np.zeros(2)
-    length = 0.0 if gradient is None else math.hypot(*gradient)
+    length = 0.0 if gradient is None else norm2(*gradient)
     if gradient is not None and length > 0.0:
         parts += (1.0 - wind_share if upwind_rad is not None else 1.0) * np.array(gradient) / length
     if upwind_rad is not None:
-        parts += (wind_share if length > 0.0 else 1.0) * np.array((math.cos(upwind_rad), math.sin(upwind_rad)))
-    size = math.hypot(parts[0], parts[1])
+        parts += (wind_share if length > 0.0 else 1.0) * np.array(
+            (elementary.cos(upwind_rad), elementary.sin(upwind_rad))
+        )
+    size = norm2(parts[0], parts[1])
     return parts / size if size > 1e-9 else None
 
 
@@ -223,7 +230,7 @@ def odour_offset_m(positions_m: Floats, amounts: Floats, upwind_rad: float) -> f
     total = float(np.sum(amounts))
     if total <= 0.0:
         return 0.0
-    left_m = -math.sin(upwind_rad) * positions_m[:, 0] + math.cos(upwind_rad) * positions_m[:, 1]
+    left_m = -elementary.sin(upwind_rad) * positions_m[:, 0] + elementary.cos(upwind_rad) * positions_m[:, 1]
     return float(np.sum(amounts * left_m) / total - left_m.mean())
 
 
@@ -261,7 +268,7 @@ def laplacian_velocity_m_s(
         extensions/search/tests/unit/swarms/test_formations.py (equilibrium, speed of the centre)
     """
     errors_m = (positions_m - positions_m[i]) - (offsets_m - offsets_m[i])
-    upwind = np.array((math.cos(upwind_rad), math.sin(upwind_rad)))
+    upwind = np.array((elementary.cos(upwind_rad), elementary.sin(upwind_rad)))
     left = np.array((-upwind[1], upwind[0]))
     return formation_per_s * errors_m.sum(axis=0) + upwind_m_s * upwind + odour_per_s * odour_m * left
 
@@ -297,7 +304,7 @@ def laplacian_leg_m(
         i, positions_m, offsets_m, upwind_rad, odour_m,
         formation_per_s=0.0, upwind_m_s=upwind_m_s, odour_per_s=odour_per_s,
     )  # fmt: skip
-    return -math.expm1(-formation_per_s * n * dt_s) / n * errors_m.sum(axis=0) + dt_s * drift_m_s
+    return -elementary.expm1(-formation_per_s * n * dt_s) / n * errors_m.sum(axis=0) + dt_s * drift_m_s
 
 
 def next_width(
@@ -350,12 +357,12 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
         extensions/search/tests/unit/swarms/test_formations.py (no place is farther than half a lane from the lanes)
     """
     along_rad = nearest_axis_rad(upwind_rad)
-    along = 0 if abs(math.cos(along_rad)) > 0.5 else 1
+    along = 0 if abs(elementary.cos(along_rad)) > 0.5 else 1
     across = 1 - along
     low_m, high_m = np.array(room.min_m[:2]), np.array(room.max_m[:2])
     n = max(1, math.ceil((high_m - low_m)[along] / lane_m - 1e-9))
     lanes_m = low_m[along] + (np.arange(n) + 0.5) * (high_m - low_m)[along] / n
-    if math.cos(along_rad) + math.sin(along_rad) < 0.0:
+    if elementary.cos(along_rad) + elementary.sin(along_rad) < 0.0:
         lanes_m = lanes_m[::-1]
     middle_m = 0.5 * (low_m + high_m)[across]
     ends_m = (min(low_m[across] + inset_m, middle_m), max(high_m[across] - inset_m, middle_m))
@@ -367,7 +374,7 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
 
 def find_lane_point(lanes_m: Floats, distance_m: float) -> Floats:
     """Return the place (2,) after a distance along lanes [m]; after its end it begins again at its beginning."""
-    lengths_m = np.hypot(*np.diff(lanes_m, axis=0).T)
+    lengths_m = np.linalg.norm(np.diff(lanes_m, axis=0), axis=1)
     total_m = float(lengths_m.sum())
     if total_m == 0.0:
         return lanes_m[0]
@@ -390,10 +397,10 @@ def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, ste
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
     starts_m, spans_m = lanes_m[:-1], np.diff(lanes_m, axis=0)
-    lengths_m = np.hypot(spans_m[:, 0], spans_m[:, 1])
-    fractions = np.sum((place - starts_m) * spans_m, axis=1) / np.maximum(lengths_m, 1e-9) ** 2
+    lengths_m = np.linalg.norm(spans_m, axis=1)
+    fractions = np.sum((place - starts_m) * spans_m, axis=1) / np.square(np.maximum(lengths_m, 1e-9))
     fractions = np.clip(fractions, 0.0, 1.0)
-    away_m = np.hypot(*(starts_m + fractions[:, None] * spans_m - place).T)
+    away_m = np.linalg.norm(starts_m + fractions[:, None] * spans_m - place, axis=1)
     # The last of equally near pieces, so that a turn leads on and not back.
     i = len(away_m) - 1 - int(np.argmin(np.round(away_m[::-1], 6)))
     along_m = float(lengths_m[:i].sum() + fractions[i] * lengths_m[i])
@@ -574,7 +581,7 @@ class FormationAgent(SearchAgent):
         share = _NEW_WIND_FRAC if self._wind_m_s.any() else 1.0
         self._wind_m_s = (1.0 - share) * self._wind_m_s + share * np.array(now.mean_wind_m_s)
         x_m_s, y_m_s = (float(v) for v in self._wind_m_s)
-        self.wind.add(MeasuredWind(speed_m_s=math.hypot(x_m_s, y_m_s), upwind_rad=math.atan2(-y_m_s, -x_m_s)))
+        self.wind.add(MeasuredWind(speed_m_s=norm2(x_m_s, y_m_s), upwind_rad=elementary.atan2(-y_m_s, -x_m_s)))
         known = [sighting for report in now.reports.values() for sighting in _sightings(report)]
         known += [] if self.best is None else [self.best]
         faded = [sighting.faded(time_s, self.settings.fades_s) for sighting in known]

@@ -8,7 +8,6 @@ Held by:
     extensions/search/tests/unit/swarms/test_glowworms.py
 """
 
-import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -16,7 +15,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing
+from gslcosim_search import elementary
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.reactive.spirals import ArchimedeanSpiral, random_side
@@ -153,8 +154,8 @@ def circling_m(place_m: Vector, other_m: Vector, *, radius_m: float, step_m: flo
         side: +1 counter-clockwise, -1 clockwise.
     """
     away_m = place_m - other_m
-    angle_rad = math.atan2(away_m[1], away_m[0]) + side * step_m / radius_m
-    return other_m + radius_m * np.array([math.cos(angle_rad), math.sin(angle_rad)])
+    angle_rad = elementary.atan2(away_m[1], away_m[0]) + side * step_m / radius_m
+    return other_m + radius_m * np.array([elementary.cos(angle_rad), elementary.sin(angle_rad)])
 
 
 def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
@@ -165,7 +166,7 @@ def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequenc
     Source:
         Zhang et al. 2011 (CCC), modified GSO as described in the thesis on GSL-Bench; R 2 m remembered, unverified.
     """
-    return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
+    return any(distance(place_m, centre_m) < radius_m for centre_m in declared_m)
 
 
 class SpiralSearch:
@@ -210,14 +211,14 @@ class SpiralSearch:
 
     def is_on_its_way(self, place_m: Vector) -> bool:
         """Return True if it has not come to the centre of its spiral yet."""
-        is_at_centre = math.dist(place_m, self._centre_m) < 0.5 * self._leg_m
+        is_at_centre = distance(place_m, self._centre_m) < 0.5 * self._leg_m
         return self._spiral is not None and self._spiral.n_steps == 0 and not is_at_centre
 
     def step(self, place_m: Vector) -> Vector:
         """Return the next step [m]."""
         if self._spiral is None:
             self._begin(place_m)
-        if math.dist(place_m, self._target_m) < 0.5 * self._leg_m:
+        if distance(place_m, self._target_m) < 0.5 * self._leg_m:
             self._target_m = self._next_place_m()
         return limit_length(self._target_m - place_m, self._leg_m)
 
@@ -231,7 +232,7 @@ class SpiralSearch:
     def _next_place_m(self) -> Vector:
         sides = list(zip(self._room.min_m[:2], self._room.max_m[:2]))
         spiral = self._spiral or self._begin(self._centre_m)
-        while spiral.radius_m < math.hypot(*(high - low for low, high in sides)):
+        while spiral.radius_m < norm2(*(high - low for low, high in sides)):
             place_m = self._centre_m + np.array(spiral.next_offset_m())
             if self._is_good(place_m):
                 return place_m
@@ -319,7 +320,7 @@ class Glowworm(SwarmRobot):
 
     def upwind_step(self) -> Vector | None:
         """Return a leg straight up the wind; None in calm air."""
-        if math.hypot(*self.wind_m_s) <= self.settings.wind_floor_m_s:
+        if norm2(*self.wind_m_s) <= self.settings.wind_floor_m_s:
             return None
         return scale_to_length(-self.wind_m_s, self.settings.leg_m)
 

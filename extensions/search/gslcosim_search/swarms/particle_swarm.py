@@ -6,11 +6,12 @@ Held by:
     extensions/search/tests/unit/swarms/test_particle_swarm.py
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gslcosim_search import elementary
 
 Vector = NDArray[np.float64]
 _LEAST_M = 1e-9
@@ -62,13 +63,13 @@ def pso_velocity(
 
 def limit_length(velocity_m: Vector, longest_m: float) -> Vector:
     """Return a step of the same direction that is no longer than a robot's leg [m]; a new array."""
-    length_m = float(np.linalg.norm(velocity_m))
+    length_m = float(np.linalg.norm(velocity_m, axis=0))
     return velocity_m * (longest_m / length_m) if length_m > longest_m else velocity_m.copy()
 
 
 def scale_to_length(velocity_m: Vector, length_m: float) -> Vector:
     """Return a step of the same direction and a given length [m]; one of no length stays so."""
-    now_m = float(np.linalg.norm(velocity_m))
+    now_m = float(np.linalg.norm(velocity_m, axis=0))
     return velocity_m * (length_m / now_m) if now_m > _LEAST_M else np.zeros_like(velocity_m)
 
 
@@ -131,7 +132,7 @@ def charge_velocity(place_m: Vector, others_m: Vector, charge: Charge) -> Vector
     distances_m = np.linalg.norm(away_m, axis=1)
     pushes = (distances_m <= charge.reach_m) & (distances_m > _LEAST_M)
     away_m, distances_m = away_m[pushes], distances_m[pushes]
-    push = charge.squared_m3 / (np.maximum(distances_m, charge.core_m) ** 2 * distances_m)
+    push = charge.squared_m3 / (np.square(np.maximum(distances_m, charge.core_m)) * distances_m)
     return (push[:, None] * away_m).sum(axis=0)
 
 
@@ -141,7 +142,7 @@ def angle_to_downwind_rad(velocity_m: Vector, wind_m_s: Vector) -> float:
     alpha = atan2(W x v, W . v)        [rad]; W where the air goes, both (2,), world frame
     """
     cross = wind_m_s[0] * velocity_m[1] - wind_m_s[1] * velocity_m[0]
-    return math.atan2(cross, float(wind_m_s @ velocity_m))
+    return elementary.atan2(cross, float(wind_m_s[0] * velocity_m[0] + wind_m_s[1] * velocity_m[1]))
 
 
 def rotate_out_of_downwind(velocity_m: Vector, wind_m_s: Vector, forbidden_rad: float) -> Vector:
@@ -182,12 +183,12 @@ def shorten_downwind(velocity_m: Vector, wind_m_s: Vector) -> Vector:
     """
     if not wind_m_s.any():
         return velocity_m.copy()
-    return velocity_m * (1.0 - math.cos(angle_to_downwind_rad(velocity_m, wind_m_s))) / 2.0
+    return velocity_m * (1.0 - elementary.cos(angle_to_downwind_rad(velocity_m, wind_m_s))) / 2.0
 
 
 def rotate(vector: Vector, angle_rad: float) -> Vector:
     """Return a (2,) vector turned counter-clockwise."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    cos, sin = elementary.cos(angle_rad), elementary.sin(angle_rad)
     return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]])
 
 
@@ -199,7 +200,7 @@ def fade_amount(amount: float, age_s: float, fades_s: float) -> float:
     Source:
         Our choice for gas that changes with time; tau of 60 s is remembered, unverified.
     """
-    return amount * math.exp(-max(0.0, age_s) / fades_s) if fades_s > 0.0 else amount
+    return amount * elementary.exp(-max(0.0, age_s) / fades_s) if fades_s > 0.0 else amount
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, ChannelDescription, Command, Observation, RadioMessage
+from gslcosim_search import elementary
 from gslcosim_search.senses.instruments import Nose, Vane
 from gslcosim_search.senses.stop_and_measure import Measurement, StopAndMeasure
 
@@ -418,4 +419,4 @@ def round_to_sent_digits(report: Report, team: Team) -> Report:
 
 # The mean vector of a hold: speed times how well its directions agree.
 def _blowing_m_s(speed_m_s: float, upwind_rad: float) -> tuple[float, float]:
-    return -speed_m_s * float(np.cos(upwind_rad)), -speed_m_s * float(np.sin(upwind_rad))
+    return -speed_m_s * elementary.cos(upwind_rad), -speed_m_s * elementary.sin(upwind_rad)

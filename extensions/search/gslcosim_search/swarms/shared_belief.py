@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.scalar_kernels import norm2
+from gslcosim_search import elementary
 from gslcosim_search.bayes.encounter_model import PlumeAssumption, likelihoods
 from gslcosim_search.beliefs import CellGrid, normalised_from_log
 from gslcosim_search.information.objectives import Candidates, infotaxis_cost, predict_stops
@@ -153,7 +155,7 @@ class SharedBelief:
     def _are_near(self, places_m: Array, others_m: Array) -> NDArray[np.bool_]:
         apart_x = places_m[:, None, 0] - others_m[None, :, 0]
         apart_y = places_m[:, None, 1] - others_m[None, :, 1]
-        return apart_x**2 + apart_y**2 < self._near_m**2
+        return apart_x * apart_x + apart_y * apart_y < self._near_m * self._near_m
 
 
 def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> Array:
@@ -182,7 +184,7 @@ def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> 
     costs = np.zeros(len(own.places_m))
     first, rest = planned[0], planned[1:]
     for likelihood, weight in zip(first.likelihood[0], first.weight[0]):
-        chance, left = float(p @ likelihood), p * weight
+        chance, left = float((p * likelihood).sum()), p * weight
         if chance > 0.0 and left.any():
             costs += chance * assigned_costs(left / left.sum(), own, rest)
     return costs
@@ -194,7 +196,7 @@ def belief_potential(p: Floats) -> Floats:
     Source:
         SniffySquad (arXiv 2411.06121), Phi = -log p. The floor is ours: cells of probability 0 have no slope.
     """
-    return -np.log(np.maximum(p, LEAST_P))
+    return -elementary.log_each(np.maximum(p, LEAST_P))
 
 
 def potential_slope(potential: Floats, grid: CellGrid, point_m: Sequence[float]) -> Floats:
@@ -244,7 +246,7 @@ def langevin_step_m(
         extensions/search/tests/unit/swarms/test_shared_belief.py (drift, that variance)
     """
     drift_m = -mobility_m2 * np.asarray(slope_per_m, dtype=np.float64)
-    length_m = math.hypot(drift_m[0], drift_m[1])
+    length_m = norm2(drift_m[0], drift_m[1])
     if length_m > longest_m:
         drift_m *= longest_m / length_m
     return drift_m + math.sqrt(2.0 * mobility_m2 * temperature) * np.asarray(noise)
@@ -271,7 +273,7 @@ def swap_probability(tau_i: float, tau_j: float, phi_i: float, phi_j: float, *, 
     Held by:
         extensions/search/tests/unit/swarms/test_shared_belief.py (limits, detailed balance)
     """
-    return attempt * math.exp(min(0.0, (1.0 / tau_i - 1.0 / tau_j) * (phi_i - phi_j)))
+    return attempt * elementary.exp(min(0.0, (1.0 / tau_i - 1.0 / tau_j) * (phi_i - phi_j)))
 
 
 def temperature_ladder(n: int, coldest: float, hottest: float) -> tuple[float, ...]:
@@ -284,7 +286,7 @@ def temperature_ladder(n: int, coldest: float, hottest: float) -> tuple[float, .
     """
     if n == 1:
         return (math.sqrt(coldest * hottest),)
-    return tuple(coldest * (hottest / coldest) ** (k / (n - 1)) for k in range(n))
+    return tuple(coldest * elementary.pow(hottest / coldest, k / (n - 1)) for k in range(n))
 
 
 def settle_roles(claimed: Mapping[str, int], n_roles: int) -> dict[str, int]:

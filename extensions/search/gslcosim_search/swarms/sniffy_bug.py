@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
+from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing
+from gslcosim_search import elementary
 from gslcosim_search.senses.instruments import RangeFinder, find_range_finders
 
 Vector = NDArray[np.float64]
@@ -120,7 +122,7 @@ def tracking_waypoint(
 def beam_direction(beam: int, yaw_rad: float) -> Vector:
     """Return the unit vector along a beam, world frame."""
     angle_rad = yaw_rad + beam * RIGHT_ANGLE_RAD
-    return np.array([math.cos(angle_rad), math.sin(angle_rad)])
+    return np.array([elementary.cos(angle_rad), elementary.sin(angle_rad)])
 
 
 def bracketing_beams(bearing_rad: float, yaw_rad: float) -> tuple[int, int]:
@@ -135,7 +137,7 @@ def off_line_m(place_m: Vector, start_m: Vector, goal_m: Vector) -> float:
     e = d x (x - start) / |d|,  d = goal - start        0 where the line has no length
     """
     along_m, from_start_m = goal_m - start_m, place_m - start_m
-    length_m = math.hypot(*along_m)
+    length_m = norm2(*along_m)
     if length_m <= _LEAST_M:
         return 0.0
     return float(along_m[0] * from_start_m[1] - along_m[1] * from_start_m[0]) / length_m
@@ -173,10 +175,10 @@ def avoidance_direction(
         total = total - table.wall_push * max(0.0, table.wall_push_m - range_m) * beam_direction(beam, yaw_rad)
     for other_m in others_m:
         away_m = place_m - other_m
-        distance_m = math.hypot(*away_m)
+        distance_m = norm2(*away_m)
         if _LEAST_M < distance_m < table.robot_m:
             total = total + table.robot_push * (table.robot_m - distance_m) * away_m / distance_m
-    size = math.hypot(*total)
+    size = norm2(*total)
     return total / size if size > _LEAST_M else np.zeros(2)
 
 
@@ -190,7 +192,7 @@ def remove_blocked_parts(direction: Vector, ranges_m: Sequence[float], yaw_rad: 
     for beam, range_m in enumerate(ranges_m):
         along = beam_direction(beam, yaw_rad)
         if range_m < least_m:
-            kept = kept - max(0.0, float(kept @ along)) * along
+            kept = kept - max(0.0, float((kept * along).sum())) * along
     return kept
 
 
@@ -235,7 +237,7 @@ class Bug:
             yaw_rad: Where the first beam looks [rad].
             others_m: (2,) each, the other robots [m].
         """
-        if any(math.dist(place_m, other_m) < self._table.robot_m for other_m in others_m):
+        if any(distance(place_m, other_m) < self._table.robot_m for other_m in others_m):
             self.aim(place_m, self._goal_m)
             return avoidance_direction(place_m, self._goal_m, ranges_m, yaw_rad, others_m, self._table)
         is_free = [range_m >= self._table.wall_m for range_m in ranges_m]
@@ -250,12 +252,12 @@ class Bug:
 
     def _bearing_rad(self, place_m: Vector) -> float:
         x_m, y_m = self._goal_m - place_m
-        return math.atan2(y_m, x_m)
+        return elementary.atan2(y_m, x_m)
 
     # The beams that bracket the line, without the one that leads farther off it; the kept one first.
     def _wanted_beams(self, place_m: Vector, yaw_rad: float) -> list[int]:
         # Those that bracket the waypoint itself would change before a wall with every step to the side.
-        has_passed = float((place_m - self._goal_m) @ (self._goal_m - self._start_m)) > 0.0
+        has_passed = float(((place_m - self._goal_m) * (self._goal_m - self._start_m)).sum()) > 0.0
         bearing_rad = self._bearing_rad(place_m if has_passed else self._start_m)
         right, left = bracketing_beams(bearing_rad, yaw_rad)
         off_m = off_line_m(place_m, self._start_m, self._goal_m)
@@ -263,7 +265,7 @@ class Bug:
         return sorted(wanted, key=lambda beam: (beam != self._beam, _between_rad(beam, bearing_rad - yaw_rad)))
 
     def _is_back_on_line(self, place_m: Vector) -> bool:
-        is_nearer = math.dist(place_m, self._goal_m) < self._met_wall_at_m - self._past_m
+        is_nearer = distance(place_m, self._goal_m) < self._met_wall_at_m - self._past_m
         return is_nearer and abs(off_line_m(place_m, self._start_m, self._goal_m)) <= self._table.line_m
 
     def _follow_line(self, place_m: Vector, yaw_rad: float, is_free: list[bool], wanted: list[int]) -> None:
@@ -271,7 +273,7 @@ class Bug:
         if free:
             self._beam = free[0]
             return
-        self._met_wall_at_m = math.dist(place_m, self._goal_m)
+        self._met_wall_at_m = distance(place_m, self._goal_m)
         self._seen_wall_m, self._turned_at_m = place_m.copy(), place_m.copy()
         self._beam, self.wall_side = _along_wall(wanted[0], self._bearing_rad(place_m) - yaw_rad, is_free)
 
@@ -290,8 +292,8 @@ class Bug:
     # After a turn round an end the wall has to come into sight first, which takes as far as the wall was.
     def _has_passed_wall(self, place_m: Vector) -> bool:
         if self._seen_wall_m is None:
-            return math.dist(place_m, self._turned_at_m) > self._table.wall_m + 2.0 * self._past_m
-        return math.dist(place_m, self._seen_wall_m) > self._past_m
+            return distance(place_m, self._turned_at_m) > self._table.wall_m + 2.0 * self._past_m
+        return distance(place_m, self._seen_wall_m) > self._past_m
 
 
 def _between_rad(beam: int, bearing_rad: float) -> float:
@@ -315,7 +317,7 @@ def find_four_ranges(briefing: Briefing) -> RangeFinder:
     """
     for ranges in find_range_finders(briefing):
         if len(ranges.directions_body) == N_BEAMS and all(
-            math.dist(direction[:2], beam_direction(beam, 0.0)) < 1e-3
+            distance(direction[:2], beam_direction(beam, 0.0)) < 1e-3
             for beam, direction in enumerate(ranges.directions_body)
         ):
             return ranges

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
 from gslcosim.agent_kit.settings import load_settings
+from gslcosim.base.scalar_kernels import distance
+from gslcosim_search import elementary
 from gslcosim_search.learned.policy_files import with_learned_parameters
 from gslcosim_search.motion.declaration import Estimate, SwarmRule
 from gslcosim_search.motion.legs import LegPlanner, LegSpace
@@ -92,7 +94,7 @@ class Explorer:
     def step(self, place_m: Vector, now_s: float, leg_m: float) -> Vector:
         """Return the next step, at most a leg long [m]."""
         last_m = self._waypoint_m
-        is_reached = last_m is not None and math.dist(place_m, last_m) < 0.5 * leg_m
+        is_reached = last_m is not None and distance(place_m, last_m) < 0.5 * leg_m
         if last_m is None or is_reached or now_s - self._since_s > self._waypoint_s:
             last_m = self._next(place_m, place_m if last_m is None else last_m)
             self._waypoint_m, self._since_s = last_m, now_s
@@ -152,7 +154,7 @@ class SwarmMember(SearchAgent):
         self.amount = self._smell.amount(measurement) if measurement is not None and counts else 0.0
         if measurement is not None and measurement.wind is not None:
             away_rad = measurement.wind.upwind_rad + math.pi
-            self.wind_m_s = measurement.wind.speed_m_s * np.array([math.cos(away_rad), math.sin(away_rad)])
+            self.wind_m_s = measurement.wind.speed_m_s * np.array([elementary.cos(away_rad), elementary.sin(away_rad)])
         if self.amount > 0.0:
             self.own_best = better(self.own_best, self._here(), fades_s=self.settings.fades_s)
 
