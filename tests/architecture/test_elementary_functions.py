@@ -7,8 +7,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PLACES = (
-    "gslcosim", "services", "agents", "extensions/search/gslcosim_search", "extensions/training/gslcosim_training/batch",
-)  # fmt: skip
+    "gslcosim",
+    "services",
+    "agents",
+    "extensions/search/gslcosim_search",
+    "extensions/training/gslcosim_training/batch",
+)
 # What no digest and no command depends on, by file or folder.
 ALLOWED = {
     "agents/dung_beetle": "rounds its places to millimetres, like its twins in other languages",
