@@ -9,7 +9,7 @@ Held by:
     tests/architecture/test_elementary_functions.py
 """
 
-# ruff: noqa: ANN001, ANN202 - kernels have no types
+# ruff: noqa: A004, ANN001, ANN202 - a power is named `pow`, and kernels have no types
 
 import math
 
@@ -18,7 +18,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gslcosim.base.elementary_kernels import *  # noqa: F403 - all of them
-from gslcosim.base.elementary_kernels import atan2, expm1, log
+from gslcosim.base.elementary_kernels import (
+    atan2,
+    cbrt,
+    cos,
+    exp,
+    exp_each,
+    expm1,
+    log,
+    log1p,
+    log2,
+    log10,
+    pow,
+    pow_each,
+    product,
+    sin,
+)
 from gslcosim.base.scalar_kernels import distance as distance
 from gslcosim.base.scalar_kernels import norm2 as norm2
 from gslcosim.base.scalar_kernels import norm3 as norm3
@@ -80,3 +95,16 @@ def _fill_angles(y, x, angles_rad):
     for i in range(x.size):
         angles_rad[i] = atan2(y[i], x[i])
     return angles_rad
+
+
+def warm_up() -> None:
+    """Compile what methods call from Python, or load it from the cache on disk, so that no decision waits for it."""
+    for function in (cbrt, cos, exp, expm1, log, log10, log1p, log2, sin):
+        function(0.5)
+    for function in (atan2, pow):
+        function(0.5, 0.5)
+    for function in (atan2_each, pow_each):
+        function([0.5], [0.5])
+    for function in (exp_each, log_each):
+        function([0.5])
+    product([[0.5]], [0.5])

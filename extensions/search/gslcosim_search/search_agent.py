@@ -12,6 +12,7 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.agent_kit.commands import declaration
 from gslcosim.agent_kit.settings import load_settings
 from gslcosim.contract.messages import RadioMessage
+from gslcosim_search import elementary
 from gslcosim_search.beliefs import BeliefPublisher, CellGrid
 from gslcosim_search.motion.declaration import DeclarationGuard, Estimate
 from gslcosim_search.random_stream import RandomStream
@@ -50,6 +51,7 @@ class SearchAgent(Agent):
         Raises:
             MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
         """
+        elementary.warm_up()
         self.settings = load_settings(briefing, self.program) if settings is None else settings
         self.draws = RandomStream(briefing.seed)
         self.height_m = briefing.search_height_m

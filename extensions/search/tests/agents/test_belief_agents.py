@@ -103,8 +103,8 @@ sys.path[:0] = {folders!r}
 from ribbon_world import Ribbon, fly
 
 def signatures():
-    kernels = [m for n, m in sys.modules.items() if n.startswith(("gslcosim.", "gslcosim_search."))]
-    found = [(m.__name__, k, v) for m in kernels for k, v in dict(vars(m)).items() if hasattr(v, "signatures")]
+    kernels = [m for n, m in list(sys.modules.items()) if n.startswith(("gslcosim.", "gslcosim_search."))]
+    found = [(m.__name__, k, v) for m in kernels for k, v in list(vars(m).items()) if hasattr(v, "signatures")]
     return {{(m, k): len(v.signatures) for m, k, v in found}}
 
 from gslcosim.base.bundled import bundled_agents
