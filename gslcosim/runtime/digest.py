@@ -50,11 +50,9 @@ class HashChain:
 
     def append(self, tick: int, payload: bytes) -> None:
         """Chain a message."""
-        link = hashlib.blake2b(self.links[-LINK_BYTES:], digest_size=LINK_BYTES)
-        link.update(tick.to_bytes(8, "big"))
-        link.update(payload)
+        chained = self.links[-LINK_BYTES:] + tick.to_bytes(8, "big") + payload
         self.ticks.append(tick)
-        self.links += link.digest()
+        self.links += hashlib.blake2b(chained, digest_size=LINK_BYTES).digest()
 
     def until(self, final_tick: int) -> "HashChain":
         """Return the chain without what came after a tick."""

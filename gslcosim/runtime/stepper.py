@@ -223,9 +223,10 @@ class Stepper:
         self.trails = {write.port: HashChain() for write in self.spec.writes}
         self.timing = Timing()
         self._step_began_ns: int | None = None
-        # The ports of a participant that writes all of them at every tick.
-        is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
-        self._due_always = frozenset(self.trails) if is_plain else None
+        # The ports of a participant that writes all of them at every tick, but for those that it writes once.
+        dated = [write for write in self.spec.writes if write.announced_in != ONCE]
+        is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in dated)
+        self._due_always = frozenset(write.port for write in dated) if is_plain else None
         # A participant that writes nothing holds up no step of another.
         self.is_kept = is_kept and bool(self.spec.writes)
         self._state_adapter = build_state_adapter(core) if self.is_kept else None
@@ -619,7 +620,7 @@ class StepLoop:
 
     def can_step(self, stepper: Stepper) -> bool:
         """Return whether the next step of a participant may happen now: its inputs are here, and its time has come."""
-        return stepper.gate.can_step() and not self._wait_s(stepper)
+        return stepper.gate.can_step() and (self._pace is None or not self._wait_s(stepper))
 
     def can_any_step(self) -> bool:
         """Return whether any may step now."""

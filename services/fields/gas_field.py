@@ -111,5 +111,5 @@ def wind_m_s_at(
     if own_m_s is not None:
         return own_m_s
     grid, wind = environment.grid, environment.wind
-    frame = np.asarray(wind.velocity_m_s[wind.frame_at(time_s)])
+    frame = np.asarray(wind.velocity_m_s)[wind.frame_at(time_s)]
     return trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, points_world_m)

@@ -2,8 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import singledispatch
+from typing import NamedTuple
 
 from gslcosim.base.errors import ModelError
 from gslcosim.base.quantities import Vec3
@@ -18,8 +18,7 @@ from gslcosim.scenario.models.success import (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
+class Evidence(NamedTuple):
     """Evidence for a criterion at the end of a tick.
 
     `time_s` is the simulated time; `body` is the agent's vehicle; `distances_m` are those from it to each source, in

@@ -49,6 +49,8 @@ _Key = tuple[str, str]
 
 _new_observation = build_unchecked_constructor(Observation)
 _Samples = dict[tuple[str, str], MountSample]
+# What is on the air where the scenario has no channels.
+_SILENCE = build_unchecked_constructor(RadioTraffic)(tick=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,9 +128,8 @@ class _Instrument:
     estimate: Estimator | None
     measures_gas: bool
 
-    def look(self, surroundings: Surroundings, samples: "_Samples", tick: int) -> Reading:
+    def look(self, body: BodyState, surroundings: Surroundings | None, samples: "_Samples", tick: int) -> Reading:
         """Return the reading at the end of the tick."""
-        body = surroundings.body
         sample: Any = surroundings if self.is_on_board else samples.get((body.agent, self.spec.name))
         if sample is None:
             raise ModelError(f"sensing: expected a sample for {body.agent}.{self.spec.name} in tick {tick}, was none.")
@@ -159,32 +160,24 @@ class _AgentInstruments:
         shows_pose = (i for i, each in enumerate(self.instruments) if isinstance(each.spec, PoseSensorSpec))
         self._i_pose = next(shows_pose, None)
 
-    def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
-        readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
-        if self.faults is not None:
-            agent, shown = surroundings.body.agent, zip(readings, self.last, strict=True)
-            readings = [self.faults.shown(agent, reading, before, tick) for reading, before in shown]
-        is_asked = surroundings.body.awaiting_command
-        sent = [
-            _without_payload(reading) if reading is before and not is_asked else reading
-            for reading, before in zip(readings, self.last, strict=True)
-        ]
-        self.last = [*readings]
-        self._note_states(tick, readings)
-        estimates = [
-            instrument.estimate(instrument.calibrated(reading))
-            for instrument, reading in zip(self.instruments, readings, strict=True)
-            if instrument.estimate
-        ]
-        return sent + estimates
-
-    def _note_states(self, tick: int, readings: list[Reading]) -> None:
-        for instrument, reading in zip(self.instruments, readings, strict=True):
-            if not instrument.measures_gas:
-                continue
-            changes, state = self.state_changes[instrument.spec.name], (reading.is_saturated, reading.is_warming_up)
-            if not changes or changes[-1][1:] != state:
-                changes.append((tick, *state))
+    def read(
+        self, body: BodyState, surroundings: Surroundings | None, samples: _Samples, tick: int
+    ) -> tuple[Reading, ...]:
+        sent, estimates = list[Reading](), list[Reading]()
+        for i, (instrument, before) in enumerate(zip(self.instruments, self.last, strict=True)):
+            reading = instrument.look(body, surroundings, samples, tick)
+            if self.faults is not None:
+                reading = self.faults.shown(body.agent, reading, before, tick)
+            self.last[i] = reading
+            is_known = reading is before and not body.awaiting_command
+            sent.append(_without_payload(reading) if is_known else reading)
+            if instrument.measures_gas:
+                changes, state = self.state_changes[instrument.spec.name], (reading.is_saturated, reading.is_warming_up)
+                if not changes or changes[-1][1:] != state:
+                    changes.append((tick, *state))
+            if instrument.estimate is not None:
+                estimates.append(instrument.estimate(instrument.calibrated(reading)))
+        return (*sent, *estimates)
 
     # Last pose of the first pose sensor.
     @property
@@ -246,16 +239,18 @@ class SensingCore:
         scene = self._scenes[self._room.variant.closed]
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
-        traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
+        traffic = cast(RadioTraffic, inbox.get(keys.RADIO, _SILENCE))
         images = _index_images(cast(CameraFrames | None, inbox.get(keys.IMAGES)))
         outbox: dict[str, Observation] = {}
         for agent, panel in self._panels.items():
-            if agent not in bodies:
+            if (body := bodies.get(agent)) is None:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
-            others = tuple(body for name, body in bodies.items() if name != agent) if panel.sees_others else ()
-            surroundings = Surroundings(bodies[agent], scene, others, images.get(agent, {}))
-            readings = tuple(panel.read(surroundings, samples, tick))
-            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
+            surroundings = None
+            if panel.sees_others:
+                others = tuple(other for name, other in bodies.items() if name != agent)
+                surroundings = Surroundings(body, scene, others, images.get(agent, {}))
+            readings = panel.read(body, surroundings, samples, tick)
+            outbox[keys.observation(agent)] = self._observation(tick, body, panel.pose, readings, traffic)
         return outbox
 
     def summary(self) -> dict[str, Any]:

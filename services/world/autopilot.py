@@ -347,7 +347,7 @@ class Autopilot:
             agent.vehicle, space, abilities, tick_ns, position_world_m, avoidance=avoidance
         )
         self._path_follower = self._state_machine.follower
-        self.awaiting_command = agent.is_asked_every_tick
+        self.awaiting_command = self._is_asked_every_tick = agent.is_asked_every_tick
         self._quiet_until_tick = 0
         self._quiet_ticks = ticks_from_seconds(REQUEST_PERIOD_S, tick_ns)
         self.notice: str | None = None
@@ -442,14 +442,14 @@ class Autopilot:
     def _decide_whether_to_ask(self, tick: int) -> None:
         is_idle = self.phase in ("holding", "on_ground") and not self._path_follower.ahead
         self.awaiting_command = is_command_due(
-            self._agent.is_asked_every_tick,
+            self._is_asked_every_tick,
             self.phase == "failed",
             is_idle,
             self._path_follower.is_continuous,
             tick,
             self._state_machine.hold_until_tick,
         )
-        if self._agent.is_free and self.awaiting_command:
+        if self.awaiting_command and self._agent.is_free:
             self._ask_once(tick)
 
     # Time passes with or without an answer, and the agent need not receive the same request at every tick.

@@ -101,14 +101,9 @@ class SimulatedVehicle:
         return self._autopilot.yields
 
     @property
-    def true_position_m(self) -> Vec3:
-        """Position in MuJoCo's scene, world frame [m]."""
-        return to_vec3(self._rows.pose[:3])
-
-    @property
-    def true_velocity_m_s(self) -> Vec3:
-        """Velocity in MuJoCo's scene, world frame [m/s]."""
-        return to_vec3(self._rows.motion[:3])
+    def true_motion(self) -> tuple[Vec3, Vec3]:
+        """Position [m] and velocity [m/s] in MuJoCo's scene, world frame."""
+        return to_vec3(self._rows.pose[:3]), to_vec3(self._rows.motion[:3])
 
     def reset(self) -> None:
         """Rest at the start. The owner of the scene resets it, and then calls `place`."""
@@ -153,15 +148,17 @@ class SimulatedVehicle:
 
     def end_tick(self, tick: int) -> None:
         """Update the autopilot with the state that physics has reached."""
-        guide, position_m = self._autopilot, self.true_position_m
+        guide, rows = self._autopilot, self._rows
+        x_m, y_m, z_m, w, x, y, z = rows.pose.tolist()
+        u, v, climb_m_s, *_ = rows.motion.tolist()
+        position_m = (x_m, y_m, z_m)
         self._path_length_m += distance(position_m, self.position_m)
         self.position_m = position_m
         was_landing = guide.phase == "landing"
-        w, x, y, z = self._rows.pose[3:].tolist()
         reference = guide.end_tick(
             tick,
             position_m,
-            self.true_velocity_m_s,
+            (u, v, climb_m_s),
             yaw_rad=elementary.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
             uprightness=1.0 - 2.0 * (x * x + y * y),
         )
@@ -408,13 +405,14 @@ class WorldCore:
 
     # All read the others' present positions, then all decide.
     def _keep_apart(self, tick: int) -> None:
-        gives_way = np.array([vehicle.yields for vehicle in self._vehicles])
-        if not gives_way.any():
+        is_yielding = [vehicle.yields for vehicle in self._vehicles]
+        if not any(is_yielding):
             return
+        gives_way = np.array(is_yielding)
         positions_m = np.array([vehicle.position_m for vehicle in self._vehicles])
         velocities_m_s = self.data.qvel[self._i_velocities]
         for k, vehicle in enumerate(self._vehicles):
-            if not gives_way[k]:
+            if not is_yielding[k]:
                 continue
             neighbours = Neighbours(
                 own=k,
@@ -462,9 +460,10 @@ class WorldCore:
         return now
 
     def _implausible_state_text(self, vehicle: SimulatedVehicle) -> str:
+        position_m, velocity_m_s = vehicle.true_motion
         return (
             f"world: expected a finite, plausible state of {vehicle.name}'s vehicle at tick {self._tick}, "
-            f"was position {vehicle.true_position_m} m, velocity {vehicle.true_velocity_m_s} m/s."
+            f"was position {position_m} m, velocity {velocity_m_s} m/s."
         )
 
     def _records(self, k: int, *, has_imu: bool) -> VehicleViews:

@@ -10,7 +10,7 @@ each [m].
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -127,10 +127,10 @@ def rank_passing_velocities(own, wanted, positions_m, velocities_m_s, least_m, g
         for i in range(positions_m.shape[0]):
             if i == own:
                 continue
-            share = 0.5 if gives_way[i] else 1.0
-            approach_u = own_u + (u - own_u) / share - velocities_m_s[i, 0]
-            approach_v = own_v + (v - own_v) / share - velocities_m_s[i, 1]
-            approach_w = own_w + (w - own_w) / share - velocities_m_s[i, 2]
+            n_halves = 2.0 if gives_way[i] else 1.0
+            approach_u = own_u + (u - own_u) * n_halves - velocities_m_s[i, 0]
+            approach_v = own_v + (v - own_v) * n_halves - velocities_m_s[i, 1]
+            approach_w = own_w + (w - own_w) * n_halves - velocities_m_s[i, 2]
             offset_x, offset_y, offset_z = positions_m[i, 0] - x, positions_m[i, 1] - y, positions_m[i, 2] - z
             met_s = _pair_time_to_conflict_s(
                 offset_x, offset_y, offset_z, approach_u, approach_v, approach_w, least_m[i]
@@ -180,8 +180,7 @@ def is_hull_open_ahead(position_m, velocity_m_s, radius_m, occupancy, origin_m, 
     return True
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Neighbours:
+class Neighbours(NamedTuple):
     """All vehicles as one of them sees them; `own` is its index.
 
     `positions_m` and `velocities_m_s` are (n, 3), world frame; `least_m` is (n,), its distance from each [m];
@@ -304,7 +303,8 @@ class Evasion:
         if distance_m < ARRIVAL_RADIUS_M:
             return AT_REST, 0.0
         share_s = self._limits.max_speed_m_s * min(1.0, distance_m) / distance_m
-        u, v, w = (share_s * (there - here) for there, here in zip(leg.place_world_m, here_m, strict=True))
+        (x, y, z), (to_x, to_y, to_z) = here_m, leg.place_world_m
+        u, v, w = share_s * (to_x - x), share_s * (to_y - y), share_s * (to_z - z)
         return (u, v, w), min(HORIZON_S, distance_m / norm3(u, v, w))
 
     # A second ahead, as wide as the vehicle.

@@ -9,18 +9,20 @@ force, world frame [N], and torque, body frame [N m]; `R` nine numbers, rows of 
 world-frame vectors; `t_s` time since the end of the trajectory's start tick [s]; `dt_s` length of a sub-step [s].
 """
 
-# ruff: noqa: ANN001, ANN201, N803, N806 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN201, ANN202, N803, N806 - kernels have no types, and symbols of equations
 
 import ctypes
 import math
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import mujoco
 import numba
 import numpy as np
 from llvmlite import binding
 from numba import types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from gslcosim.base import elementary
@@ -323,6 +325,17 @@ def mark_near_inplace(is_near, vehicles, qpos, obstacles_m):
         is_near[k] = near
 
 
+# The array without its count of references, which would change with each of its slices; the caller holds it meanwhile.
+@cast(Any, intrinsic)
+def _uncounted(typing_context, array):
+    def build(context, builder, signature, arguments):
+        view = make_array(array)(context, builder, arguments[0])
+        view.meminfo = view.meminfo.type(None)
+        return view._getvalue()
+
+    return array(array), build
+
+
 # Looking for the contacts of what is far from all else takes MuJoCo longer than a step, and finds none.
 @numba.njit(cache=True, nogil=True)
 def _step_near(is_near, vehicles, scene) -> bool:
@@ -438,7 +451,8 @@ def run_substeps_inplace(
         tests/analytic/test_world_flight.py, tests/unit/services/world/test_world_core.py
     """
     n_vehicles = vehicles.shape[0]
-    qpos, qvel, qacc = scene.qpos, scene.qvel, scene.qacc
+    qpos, qvel, qacc = _uncounted(scene.qpos), _uncounted(scene.qvel), _uncounted(scene.qacc)
+    applied, constraint = _uncounted(scene.qfrc_applied), _uncounted(scene.qfrc_constraint)
     is_near = np.empty(n_vehicles, np.bool_)
     dt_s = tick_s / n_substeps
     poses, motions = np.empty((n_vehicles, 7)), np.empty((n_vehicles, 6))
@@ -448,9 +462,9 @@ def run_substeps_inplace(
             vehicle, state = vehicles[k], states[k]
             p, v = qpos[vehicle.i_qpos : vehicle.i_qpos + 7], qvel[vehicle.i_qvel : vehicle.i_qvel + 8]
             if not is_state_plausible(p, v):
-                return i_substep, k, is_stepped
-            poses[k], motions[k] = p, v[:6]
-            force = scene.qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
+                return i_substep, k
+            attitudes[k] = p[3:7]
+            force = applied[vehicle.i_qvel : vehicle.i_qvel + 8]
             t_s = path_time_s(state, tick, tick_s, i_substep, dt_s)
             if vehicle.has_rotors:
                 wind_u, wind_v, wind_w = trilinear_wind(wind_velocity_m_s, wind_origin_m, wind_cell_m, p[0], p[1], p[2])
@@ -480,8 +494,9 @@ def run_substeps_inplace(
                     vehicle, qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :], qacc[vehicle.i_qvel :],
                     inertial[k, i_substep],
                 )  # fmt: skip
-        if is_any_touched:
-            return i_substep + 1, -1, True
+        for k in range(n_vehicles):
+            if has_contact(vehicles[k], constraint, scene.sensordata):
+                return i_substep + 1, -1
     for k in range(n_vehicles):
         vehicle = vehicles[k]
         if not is_state_plausible(qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :]):

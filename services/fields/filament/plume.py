@@ -196,7 +196,7 @@ class Filaments:
     @property
     def n_gases(self) -> int:
         """Number of gases, at least one."""
-        return int(self.gas_index.max(initial=0)) + 1
+        return max(self.gas_index.tolist(), default=0) + 1
 
 
 def filament_amount_mol(ppm: float, sigma_m: float) -> float:

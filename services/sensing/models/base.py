@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Any, Protocol, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -420,17 +421,17 @@ class ImperfectSensor:
         if self.gain == 1.0:
             return reading
         values = [value / self.gain for value in reading.values[: self._kind.n_with_errors]]
-        return reading.model_copy(update={"values": (*values, *reading.values[len(values) :])})
+        return msgspec.structs.replace(reading, values=(*values, *reading.values[len(values) :]))
 
     def _with_errors(self, reading: Reading) -> Reading:
-        errors = self._errors
+        errors, n, least = self._errors, self._kind.n_with_errors, self._kind.least_value
         size = (self.gain, errors.bias, self._drift_per_s, self._tick, self._tick_s, errors.noise_std)
-        values = [add_errors(value, *size, self._rng) for value in reading.values[: self._kind.n_with_errors]]
-        is_over = math.isfinite(errors.max_value) and max(map(abs, values)) >= errors.max_value
-        least = self._kind.least_value
-        values = [quantize(limit_value(value, errors.max_value, least), errors.resolution) for value in values]
-        shown = (*values, *reading.values[len(values) :])
-        return reading.model_copy(update={"values": shown, "is_saturated": reading.is_saturated or is_over})
+        values = [add_errors(value, *size, self._rng) for value in reading.values[:n]]
+        is_over = errors.max_value < math.inf and max(map(abs, values)) >= errors.max_value
+        shown = [quantize(limit_value(value, errors.max_value, least), errors.resolution) for value in values]
+        shown += reading.values[len(shown) :]
+        is_saturated = reading.is_saturated or is_over
+        return msgspec.structs.replace(reading, values=tuple(shown), is_saturated=is_saturated)
 
 
 def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:

@@ -32,6 +32,7 @@ from gslcosim_services.sensing.models.base import (
     follow,
     lag_frac,
     make_kind,
+    new_reading,
     new_window,
     push_count,
     push_value,
@@ -270,7 +271,7 @@ class TdlasSensor:
         beam_m = sample.beam_m or 0.0
         ppm = sample.gases[0].mixing_ratio_ppm if sample.gases else 0.0
         self._shown_ppm_m = follow(self._shown_ppm_m, ppm * beam_m, self._frac)
-        return Reading(
+        return new_reading(
             sensor=self._sensor,
             quantity=BEAM_QUANTITY,
             unit=GAS_QUANTITIES[BEAM_QUANTITY],

@@ -27,6 +27,7 @@ from gslcosim_services.sensing.models.base import (
     decay_factor,
     increment_std,
     make_kind,
+    new_reading,
 )
 
 QUANTITY = "specific_force, angular_velocity"
@@ -87,7 +88,7 @@ class Imu:
             inertial.to_array(), self._arm_m, self._constant, self._wandering,
             pace.kick, pace.powers, pace.noise, self._limit, self._rng.standard_normal(12 * n),
         )  # fmt: skip
-        return Reading(
+        return new_reading(
             sensor=self._sensor,
             quantity=QUANTITY,
             unit=UNIT,
@@ -175,7 +176,7 @@ class Gps:
         truth = *(x + off for x, off in zip(place_m, offset_m, strict=True)), *mount_velocity_world_m_s
         draws = self._rng.standard_normal(6).tolist()
         values = tuple(x + std * draw for x, std, draw in zip(truth, self._noise, draws, strict=True))
-        return Reading(sensor=self._spec.name, quantity=GPS.quantity, unit=GPS.unit, values=values)
+        return new_reading(sensor=self._spec.name, quantity=GPS.quantity, unit=GPS.unit, values=values)
 
 
 class Barometer:
@@ -206,7 +207,7 @@ class Barometer:
         truth_pa = pressure_pa(z_m, barometer.ground_pressure_pa, barometer.ground_temperature_k)
         error_pa = barometer.drift_pa_s * self._tick * self._tick_s
         error_pa += barometer.noise_std_pa * float(self._rng.standard_normal())
-        return Reading(sensor=self._spec.name, quantity="pressure", unit="Pa", values=(truth_pa + error_pa,))
+        return new_reading(sensor=self._spec.name, quantity="pressure", unit="Pa", values=(truth_pa + error_pa,))
 
 
 def pressure_pa(z_m: float, ground_pressure_pa: float, ground_temperature_k: float) -> float:
@@ -243,7 +244,7 @@ class Magnetometer:
         del mount_velocity_world_m_s
         values = elementary.product(sample.world_from_body.T, self._field_ut) + np.array(self._bias.step())
         values = values + self._noise_ut * self._rng.standard_normal(3)
-        return Reading(sensor=self._sensor, quantity="magnetic_field", unit="uT", values=tuple(values.tolist()))
+        return new_reading(sensor=self._sensor, quantity="magnetic_field", unit="uT", values=tuple(values.tolist()))
 
 
 class PoseSensor:
@@ -275,7 +276,7 @@ class PoseSensor:
         velocity_m_s = (v + e for v, e in zip(body.velocity_world_m_s, errors[6:], strict=True))
         quaternion = _rotate_attitude(body.quaternion_wxyz, (errors[3], errors[4], errors[5]))
         values = (*position_m, *quaternion, *velocity_m_s)
-        return Reading(sensor=self._sensor, quantity=POSE.quantity, unit=POSE.unit, values=values)
+        return new_reading(sensor=self._sensor, quantity=POSE.quantity, unit=POSE.unit, values=values)
 
 
 # The attitude after a further turn by a rotation vector in the body frame [rad].

@@ -23,7 +23,14 @@ from gslcosim.scenario.models.sensors import (
     RangeFinderSpec,
     RaySensorSpec,
 )
-from gslcosim_services.sensing.models.base import SensorKind, Surroundings, make_kind, new_window, push_count
+from gslcosim_services.sensing.models.base import (
+    SensorKind,
+    Surroundings,
+    make_kind,
+    new_reading,
+    new_window,
+    push_count,
+)
 
 # Front, left, back, right.
 FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
@@ -45,7 +52,7 @@ class Bumper:
         """Return 1 after a contact, else 0."""
         del mount_velocity_world_m_s
         value = note_contact(self._contacts, bool(sample.body.contacts))
-        return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(value,))
+        return new_reading(sensor=self._sensor, quantity="contact", unit="1", values=(value,))
 
 
 def new_contacts(spec: BumpSensorSpec, tick_s: float) -> tuple[float, ...]:
@@ -87,7 +94,7 @@ class Camera:
         if self._image is None:
             raise ModelError(f"sensing: expected a picture of {sample.body.agent}.{self._spec.name}, was none.")
         kind = CAMERAS_BY_NAME[self._spec.model]
-        return Reading(sensor=self._spec.name, quantity=kind.quantity, unit=kind.unit, values=(), image=self._image)
+        return new_reading(sensor=self._spec.name, quantity=kind.quantity, unit=kind.unit, values=(), image=self._image)
 
 
 CAMERA_KINDS = tuple(
@@ -139,7 +146,7 @@ class RangeSensor:
         if noise_m:
             disturb_ranges_inplace(ranges_m, limit_m, noise_m * self._rng.standard_normal(len(ranges_m)))
         shape = self._directions_body.shape[:-1]
-        return Reading(
+        return new_reading(
             sensor=self._spec.name,
             quantity="range",
             unit="m",
