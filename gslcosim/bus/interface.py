@@ -29,17 +29,18 @@ JOIN_FILE_WAIT_S = 120.0
 INHERITED_FILES = Path("/proc/self/fd")
 
 # A join file comes from another host: its contents end up in the configuration of the bus, in lines of accounts, and on
-# the terminal.
+# the terminal. Long texts have a maximum length beside their pattern: in it, it would take megabytes in each process.
 MAX_JOIN_FILE_BYTES = 1 << 20
 _MEMBER = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}"
 _MAX_PATH = 4096
 MemberName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}$")]
 # Services that share a process join as one, under all their names.
-ProcessName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}(\+{_MEMBER}){{0,99}}$")]
+ProcessName = Annotated[str, StringConstraints(max_length=8192, pattern=rf"^{_MEMBER}(\+{_MEMBER})*$")]
 Endpoint = Annotated[
     str,
     StringConstraints(
-        pattern=r"^((tcp|tls)/[A-Za-z0-9_.:%\[\]-]{1,300}(\?[A-Za-z0-9=;_-]{0,100})?|unixsock-stream/[^#?\x00-\x1f]{1,4096})$"
+        max_length=len("unixsock-stream/") + _MAX_PATH,
+        pattern=r"^((tcp|tls)/[A-Za-z0-9_.:%\[\]-]{1,300}(\?[A-Za-z0-9=;_-]{0,100})?|unixsock-stream/[^#?\x00-\x1f]+)$",
     ),
 ]
 Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]

@@ -174,7 +174,10 @@ class GatewayJoinData(BaseModel):
 
     name: MemberName
     gateway: Annotated[
-        str, StringConstraints(pattern=r"^(tcp:[A-Za-z0-9_.:%\[\]-]{1,300}:[0-9]{1,5}|unix:/[^\x00-\x1f]{1,4096})$")
+        str,
+        StringConstraints(
+            max_length=4102, pattern=r"^(tcp:[A-Za-z0-9_.:%\[\]-]{1,300}:[0-9]{1,5}|unix:/[^\x00-\x1f]+)$"
+        ),
     ]
     token: Secret
     format: Literal["msgpack", "json"] = "msgpack"
