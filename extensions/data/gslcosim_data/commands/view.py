@@ -47,7 +47,7 @@ def _run(arguments: argparse.Namespace, run: Run) -> int:
             recordings = [
                 find_in_run(each, runs_dir=arguments.runs_dir, file_name=RECORDING) for each in arguments.runs or [None]
             ]
-            if has_several:
+            if arguments.at is None:
                 record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
             else:
                 record_run_at(recordings[0], path, arguments.at, is_still=arguments.screenshot is not None)
