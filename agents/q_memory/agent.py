@@ -71,7 +71,7 @@ class QMemory(ReactiveAgent):
         move = self.next_move(self.memory.decide(observation.time_s))
         self.moves.append(move)
         ahead, left = STEPS[move]
-        heading_rad = self.wind.upwind_rad + elementary.atan2(left, ahead)
+        heading_rad = self.wind.upwind_rad + elementary.atan2(float(left), float(ahead))
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
         return self.fly_to(
