@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
@@ -173,12 +173,7 @@ class GatewayJoinData(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
     name: MemberName
-    gateway: Annotated[
-        str,
-        StringConstraints(
-            max_length=4102, pattern=r"^(tcp:[A-Za-z0-9_.:%\[\]-]{1,300}:[0-9]{1,5}|unix:/[^\x00-\x1f]+)$"
-        ),
-    ]
+    gateway: str = Field(max_length=4102, pattern=r"^(tcp:[A-Za-z0-9_.:%\[\]-]{1,300}:[0-9]{1,5}|unix:/[^\x00-\x1f]+)$")
     token: Secret
     format: Literal["msgpack", "json"] = "msgpack"
     agents: Annotated[tuple[MemberName, ...], Field(min_length=1, max_length=1000)] | None = None

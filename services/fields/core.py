@@ -44,11 +44,10 @@ from gslcosim_services.fields.service import fields_spec
 # For the eye, 3 sigma are enough in a slice: beyond, a filament adds 1 % of its centre, at 2.5 times the cost.
 SLICE_CUTOFF_SIGMA = 3.0
 
-_new_amount, _new_sample, _new_samples, _new_slice, _new_cloud = (
+_new_amount, _new_sample, _new_samples, _new_cloud = (
     build_unchecked_constructor(GasAmount),
     build_unchecked_constructor(MountSample),
     build_unchecked_constructor(FieldSamples),
-    build_unchecked_constructor(ConcentrationSlice),
     build_unchecked_constructor(FilamentCloud),
 )
 
@@ -277,7 +276,7 @@ class FieldsCore:
         first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
         points = PointGrid(first_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1))
         ppm = self.gas.mixing_ratio_ppm_on_grid(points, gas=i_gas, cutoff_sigma=SLICE_CUTOFF_SIGMA)
-        return _new_slice(
+        return ConcentrationSlice(
             gas=self.gas.gases[i_gas],
             origin_m=(float(grid.origin_m[0]), float(grid.origin_m[1])),
             cell_m=cell_m,

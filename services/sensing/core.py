@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from gslcosim.base import elementary
-from gslcosim.base.errors import ModelError, ScenarioError
+from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
 from gslcosim.base.rng import stream
@@ -40,7 +40,7 @@ from gslcosim.scenario.models.scenario import find_due_events, list_event_reads
 from gslcosim.scenario.models.sensors import PoseSensorSpec, SensorSpec
 from gslcosim.validity.conduct import SENSOR_STATES_KEY
 from gslcosim_services.sensing.briefing import build_briefing, find_sensor_kind
-from gslcosim_services.sensing.models import SensorModel, build_sensor, sensor_names
+from gslcosim_services.sensing.models import SensorModel, build_sensor
 from gslcosim_services.sensing.models.base import Estimator, ImperfectSensor, Surroundings
 from gslcosim_services.sensing.ray_scene import RayScene
 from gslcosim_services.sensing.service import sensing_spec
@@ -49,8 +49,7 @@ _Key = tuple[str, str]
 
 _new_observation = build_unchecked_constructor(Observation)
 _Samples = dict[tuple[str, str], MountSample]
-# What is on the air where the scenario has no channels.
-_SILENCE = build_unchecked_constructor(RadioTraffic)(tick=0)
+_SILENCE = build_unchecked_constructor(RadioTraffic)(tick=0)  # where the scenario has no channels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,10 +134,6 @@ class _Instrument:
             raise ModelError(f"sensing: expected a sample for {body.agent}.{self.spec.name} in tick {tick}, was none.")
         return self.model.read(sample, mount_velocity_world_m_s(body, self.spec.mount_m))
 
-    def calibrated(self, reading: Reading) -> Reading:
-        """Return a reading as calibrated by its owner for this unit in clean air."""
-        return self.model.calibrated(reading) if isinstance(self.model, ImperfectSensor) else reading
-
 
 @dataclass
 class _AgentInstruments:
@@ -176,7 +171,10 @@ class _AgentInstruments:
                 if not changes or changes[-1][1:] != state:
                     changes.append((tick, *state))
             if instrument.estimate is not None:
-                estimates.append(instrument.estimate(instrument.calibrated(reading)))
+                # Its owner has calibrated this unit in clean air.
+                model = instrument.model
+                nominal = model.calibrated(reading) if isinstance(model, ImperfectSensor) else reading
+                estimates.append(instrument.estimate(nominal))
         return (*sent, *estimates)
 
     # Last pose of the first pose sensor.
@@ -210,7 +208,6 @@ class SensingCore:
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
         """Prepare the instruments of a scenario."""
-        _check_models(scenario)
         self._scenario = scenario
         self._environment = environment
         self.spec = sensing_spec(scenario)
@@ -326,15 +323,3 @@ def _index_images(frames: CameraFrames | None) -> dict[str, dict[str, CameraImag
     for frame in frames.frames if frames else ():
         images.setdefault(frame.agent, {})[frame.sensor] = frame.image
     return images
-
-
-def _check_models(scenario: Scenario) -> None:
-    known = sensor_names()
-    problems = [
-        f"agents[{i}].sensors[{j}].model: expected one of {', '.join(known)}, was {sensor.model!r}."
-        for i, agent in enumerate(scenario.agents)
-        for j, sensor in enumerate(agent.sensors)
-        if sensor.model not in known
-    ]
-    if problems:
-        raise ScenarioError("\n".join(problems))

@@ -460,10 +460,9 @@ class WorldCore:
         return now
 
     def _implausible_state_text(self, vehicle: SimulatedVehicle) -> str:
-        position_m, velocity_m_s = vehicle.true_motion
         return (
             f"world: expected a finite, plausible state of {vehicle.name}'s vehicle at tick {self._tick}, "
-            f"was position {position_m} m, velocity {velocity_m_s} m/s."
+            "was position {} m, velocity {} m/s.".format(*vehicle.true_motion)
         )
 
     def _records(self, k: int, *, has_imu: bool) -> VehicleViews:
