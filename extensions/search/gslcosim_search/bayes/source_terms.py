@@ -131,19 +131,18 @@ def log_likelihood_of_reading(reading, amount, threshold, noise_frac, noise_floo
             return elementary.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
         sigma = noise_frac * amount + noise_floor
         off = (reading - amount) / sigma
-        return elementary.log(detection_probability) - 0.5 * off * off - elementary.log(sigma) - _LOG_SQRT_2_PI
-    log_amount = elementary.log(max(LEAST_AMOUNT, amount))
+        return elementary.log(detection_probability / sigma) - 0.5 * off * off - _LOG_SQRT_2_PI
+    amount = max(LEAST_AMOUNT, amount)
     if reading <= threshold:
-        chance = 0.5 * elementary.erfc((log_amount - elementary.log(threshold)) / (noise_frac * math.sqrt(2.0)))
+        chance = 0.5 * elementary.erfc(elementary.log(amount / threshold) / (noise_frac * math.sqrt(2.0)))
         return elementary.log(max(LEAST_AMOUNT, detection_probability * chance + 1.0 - detection_probability))
-    off = (elementary.log(reading) - log_amount) / noise_frac
-    return (
-        elementary.log(detection_probability)
-        - 0.5 * off * off
-        - elementary.log(noise_frac)
-        - _LOG_SQRT_2_PI
-        - elementary.log(reading)
-    )
+    off = (elementary.log(reading) - elementary.log(amount)) / noise_frac
+    return _log_peak(reading, noise_frac, detection_probability) - 0.5 * off * off
+
+
+@numba.njit(cache=True)
+def _log_peak(reading, noise_frac, detection_probability):
+    return elementary.log(detection_probability / (noise_frac * reading)) - _LOG_SQRT_2_PI
 
 
 @numba.njit(cache=True)
@@ -230,19 +229,31 @@ def expected_gain_bits(terms, place_m, wind, truth, uniform, normal, plume, sens
     """
     n, k, m = terms.shape[0], place_m.shape[0], truth.shape[0]
     gain = np.zeros(k)
-    amount = np.empty(n)
+    amount, log_amount, log_missed = np.empty(n), np.empty(n), np.empty(n)
     log_weight = np.empty(n)
     for a in range(k):
         for i in range(n):
             amount[i] = mean_amount(terms[i], place_m[a], wind[0], wind[1], figures[4], plume)
+            log_amount[i] = elementary.log(max(LEAST_AMOUNT, amount[i]))
+            log_missed[i] = log_likelihood_of_reading(
+                0.0, amount[i], figures[0], figures[1], figures[2], figures[3], sensor
+            )
         for t in range(m):
             reading = sampled_reading(
                 amount[truth[t]], uniform[t], normal[t], figures[0], figures[1], figures[2], figures[3], sensor
             )
+            log_peak = _log_peak(max(reading, figures[0]), figures[1], figures[3])
+            log_reading = elementary.log(max(reading, figures[0]))
             for i in range(n):
-                log_weight[i] = log_likelihood_of_reading(
-                    reading, amount[i], figures[0], figures[1], figures[2], figures[3], sensor
-                )
+                if reading <= figures[0]:
+                    log_weight[i] = log_missed[i]
+                elif sensor == NORMAL:
+                    log_weight[i] = log_likelihood_of_reading(
+                        reading, amount[i], figures[0], figures[1], figures[2], figures[3], sensor
+                    )
+                else:
+                    off = (log_reading - log_amount[i]) / figures[1]
+                    log_weight[i] = log_peak - 0.5 * off * off
             gain[a] += _divergence_bits(log_weight) / m
     return gain
 

@@ -93,7 +93,8 @@ def update_offset_belief(belief: Floats, likelihood: Floats, power: float = 1.0)
 
     A power below 1 takes an observation for less than it says: neighbouring ones see the same filaments.
     """
-    joint = belief * elementary.pow_each(likelihood, power)
+    # A quarter of what powers take; 0 to any power above 0 stays 0.
+    joint = belief * elementary.exp_each(power * elementary.log_each(likelihood))
     total = float(joint.sum())
     return joint / total if total > 0.0 and math.isfinite(total) else belief
 
