@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gslcosim.base.rng import stream
 from gslcosim_search import elementary
 
 _MASK_64 = 0xFFFFFFFFFFFFFFFF
@@ -61,4 +62,4 @@ class RandomStream:
         Args:
             purpose: Its name; equal seeds and names give equal numbers, other names independent ones.
         """
-        return np.random.default_rng([self._seed, *purpose.encode()])
+        return stream(self._seed, purpose)

@@ -288,7 +288,7 @@ class TermPrior:
         if self.kind == "log_uniform":
             return elementary.exp_each(rng.uniform(elementary.log(self.a), elementary.log(self.b), n))
         if self.kind == "normal":
-            return rng.normal(self.a, self.b, n)
+            return self.a + self.b * rng.standard_normal(n)
         return rng.gamma(self.a, self.b, n)
 
     def log_density(self, value: Array) -> Array:
