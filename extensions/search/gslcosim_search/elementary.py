@@ -12,11 +12,13 @@ Held by:
 # ruff: noqa: A004, ANN001, ANN202 - a power is named `pow`, and kernels have no types
 
 import math
+from collections.abc import Callable, Sequence
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gslcosim.base import scalar_kernels
 from gslcosim.base.elementary_kernels import *  # noqa: F403 - all of them
 from gslcosim.base.elementary_kernels import (
     atan2,
@@ -34,12 +36,14 @@ from gslcosim.base.elementary_kernels import (
     product,
     sin,
 )
-from gslcosim.base.scalar_kernels import distance as distance
 from gslcosim.base.scalar_kernels import norm2 as norm2
 from gslcosim.base.scalar_kernels import norm3 as norm3
 from gslcosim.base.scalar_kernels import scalar_kernel
 
 Array = NDArray[np.float64]
+Point = Sequence[float] | Array
+# With points that may be arrays.
+distance: Callable[[Point, Point], float] = scalar_kernels.distance  # type: ignore[assignment]
 # Numbers of the functions of `_fill_each`.
 _LOG, _EXPM1, _TANH = range(3)
 

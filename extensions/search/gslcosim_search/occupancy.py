@@ -14,9 +14,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import KnownMap
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance
 
 Free = NDArray[np.bool_]
 Point = tuple[float, ...]

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim_search import elementary
 from gslcosim_search.bayes import puff_tracing
 from gslcosim_search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim_search.beliefs import CellGrid, distances_m
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.motion.declaration import Estimate, by_variance
 from gslcosim_search.motion.grid_paths import Free, shortest_path
 from gslcosim_search.motion.legs import StuckDetector, step_towards_m

@@ -14,9 +14,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.scalar_kernels import distance
 from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance
 
 N_MOVES = 9
 STAY = 4

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, commands
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim_search import beliefs, elementary
 from gslcosim_search.bayes.encounter_model import EncounterModel, PlumeAssumption, likelihoods, nominal_dispersal
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.information.objectives import (
     Candidates,
     MoveTree,

@@ -15,9 +15,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.scalar_kernels import distance
 from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised_from_log
+from gslcosim_search.elementary import distance
 from gslcosim_search.maps.goal_cells import Cell, GoalCells
 from gslcosim_search.motion.grid_paths import STEP_UNITS, Free
 

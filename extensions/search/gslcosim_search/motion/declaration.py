@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit.commands import declaration
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
 from gslcosim_search import beliefs, elementary
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.motion.legs import to_millimetre
 from gslcosim_search.plume_fit import PlumeFit
 from gslcosim_search.senses.hit_detection import GasHits, GasLevel

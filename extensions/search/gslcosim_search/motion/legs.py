@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from gslcosim.agent_kit.commands import waypoint
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.occupancy import OccupancyMap
 from gslcosim_search.random_stream import RandomStream
 

@@ -14,10 +14,10 @@ import numpy as np
 from gslcosim.agent_kit.commands import waypoint
 from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
 from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.grid_paths import (
     Free,
     inflate_obstacles,

@@ -11,8 +11,8 @@ from typing import ClassVar
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.agent_kit.commands import LegCommander
 from gslcosim.agent_kit.settings import load_settings
-from gslcosim.base.scalar_kernels import distance
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.legs import N_TRIES, LegSpace, Point, leg_end
 from gslcosim_search.random_stream import RandomStream
 

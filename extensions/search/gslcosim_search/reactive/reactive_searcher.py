@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import distance
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
 from gslcosim_search.motion.legs import LegPlanner, StuckDetector

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing, Observation
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.senses.hit_detection import BoutDetector
 from gslcosim_search.senses.instruments import Nose, find_noses
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing, Observation
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.senses.hit_detection import GasHits, is_more_gas
 from gslcosim_search.senses.instruments import Nose, Vane, find_noses, find_vanes
 

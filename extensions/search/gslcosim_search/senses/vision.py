@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scalar_kernels import distance
 from gslcosim.contract.messages import CameraImage
 from gslcosim_search import elementary
 from gslcosim_search.beliefs import CellGrid, normalised
+from gslcosim_search.elementary import distance
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

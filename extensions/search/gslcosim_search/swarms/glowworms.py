@@ -15,9 +15,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream
 from gslcosim_search.reactive.spirals import ArchimedeanSpiral, random_side

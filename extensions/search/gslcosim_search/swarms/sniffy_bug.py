@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
-from gslcosim.base.scalar_kernels import distance, norm2
 from gslcosim.contract.messages import Briefing
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.senses.instruments import RangeFinder, find_range_finders
 
 Vector = NDArray[np.float64]

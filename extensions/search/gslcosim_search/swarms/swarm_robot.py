@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
 from gslcosim.agent_kit.settings import load_settings
-from gslcosim.base.scalar_kernels import distance
 from gslcosim_search import elementary
+from gslcosim_search.elementary import distance
 from gslcosim_search.learned.policy_files import with_learned_parameters
 from gslcosim_search.motion.declaration import Estimate, SwarmRule
 from gslcosim_search.motion.legs import LegPlanner, LegSpace
