@@ -153,12 +153,12 @@ class OnsetDetector:
     @property
     def is_onset(self) -> bool:
         """True if the resistance is falling: the gas grows."""
-        return not self._is_learning and self.slope_per_s < -self.threshold_per_s
+        return not self._is_learning and bool(self.slope_per_s < -self.threshold_per_s)
 
     @property
     def is_offset(self) -> bool:
         """True if the resistance is rising: the sensor recovers from gas."""
-        return not self._is_learning and self.slope_per_s > self.threshold_per_s
+        return not self._is_learning and bool(self.slope_per_s > self.threshold_per_s)
 
     @property
     def _is_learning(self) -> bool:
