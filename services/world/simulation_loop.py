@@ -462,6 +462,7 @@ def run_substeps_inplace(
     n_vehicles = vehicles.shape[0]
     qpos, qvel, qacc = _uncounted(scene.qpos), _uncounted(scene.qvel), _uncounted(scene.qacc)
     applied, constraint = _uncounted(scene.qfrc_applied), _uncounted(scene.qfrc_constraint)
+    warmstart = _uncounted(scene.qacc_warmstart)
     is_near = np.empty(n_vehicles, np.bool_)
     dt_s = tick_s / n_substeps
     poses, motions = np.empty((n_vehicles, 7)), np.empty((n_vehicles, 6))
@@ -471,8 +472,8 @@ def run_substeps_inplace(
             vehicle, state = vehicles[k], states[k]
             p, v = qpos[vehicle.i_qpos : vehicle.i_qpos + 7], qvel[vehicle.i_qvel : vehicle.i_qvel + 8]
             if not is_state_plausible(p, v):
-                return i_substep, k
-            attitudes[k] = p[3:7]
+                return i_substep, k, is_stepped
+            poses[k], motions[k] = p, v[:6]
             force = applied[vehicle.i_qvel : vehicle.i_qvel + 8]
             t_s = path_time_s(state, tick, tick_s, i_substep, dt_s)
             if vehicle.has_rotors:
@@ -487,12 +488,12 @@ def run_substeps_inplace(
             vehicle = vehicles[k]
             i, j = vehicle.i_qpos, vehicle.i_qvel
             p, v, a = qpos[i : i + 7], qvel[j : j + 6], qacc[j : j + 6]
-            is_touched = is_near[k] and has_contact(vehicle, scene.qfrc_constraint, scene.sensordata)
+            is_touched = is_near[k] and has_contact(vehicle, constraint, scene.sensordata)
             is_any_touched |= is_touched
             if vehicle.is_plain_body and not is_touched:
                 p[:], v[:] = poses[k], motions[k]
-                advance_free_body_inplace(vehicle, p, v, a, scene.qfrc_applied[j : j + 6], dt_s)
-                scene.qacc_warmstart[j : j + 3], scene.qacc_warmstart[j + 3 : j + 6] = a[:3], 0.0
+                advance_free_body_inplace(vehicle, p, v, a, applied[j : j + 6], dt_s)
+                warmstart[j : j + 3], warmstart[j + 3 : j + 6] = a[:3], 0.0
             else:
                 p[3:7] = poses[k, 3:7]
                 turn_attitude_inplace(p[3:7], v[3:6], dt_s)
@@ -505,9 +506,8 @@ def run_substeps_inplace(
                     vehicle, qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :], qacc[vehicle.i_qvel :],
                     inertial[k, i_substep],
                 )  # fmt: skip
-        for k in range(n_vehicles):
-            if has_contact(vehicles[k], constraint, scene.sensordata):
-                return i_substep + 1, -1
+        if is_any_touched:
+            return i_substep + 1, -1, True
     for k in range(n_vehicles):
         vehicle = vehicles[k]
         if not is_state_plausible(qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :]):
