@@ -57,6 +57,8 @@ def scenario_of(tmp_path):
             "vehicle": {"model": "crazyflie", "search_height_m": 1, "hold_s": 0.5},
             "sensors": sensors_for(card),
             "knows": dict.fromkeys(card.needs.knows, True),
+            # A slow machine may compile in a first answer.
+            "answer_within_s": 300.0,
         }
         fields["agents"] = [
             {
