@@ -128,7 +128,8 @@ _STIRLING = (
     -3617.0 / 122400.0,
 )  # fmt: skip
 # Numbers of the functions of `_each`.
-_EXP, _LOG1P, _LOG2, _SIN, _COS, _CBRT = range(6)
+_EXP, _EXPM1, _LOG, _LOG1P, _LOG2, _SIN, _COS, _CBRT = range(8)
+_POW, _ATAN2 = range(2)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -729,6 +730,16 @@ def exp_each(x: ArrayLike) -> NDArray[np.float64]:
     return _each(_EXP, x)
 
 
+def expm1_each(x: ArrayLike) -> NDArray[np.float64]:
+    """Return `expm1` of each number."""
+    return _each(_EXPM1, x)
+
+
+def log_each(x: ArrayLike) -> NDArray[np.float64]:
+    """Return `log` of each number."""
+    return _each(_LOG, x)
+
+
 def log1p_each(x: ArrayLike) -> NDArray[np.float64]:
     """Return `log1p` of each number."""
     return _each(_LOG1P, x)
@@ -756,8 +767,12 @@ def cbrt_each(x: ArrayLike) -> NDArray[np.float64]:
 
 def pow_each(x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
     """Return `pow` of each pair of numbers."""
-    first, second = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    return _fill_powers(first.flatten(), second.flatten(), np.empty(first.size)).reshape(first.shape)
+    return _each_pair(_POW, x, y)
+
+
+def atan2_each(y: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
+    """Return `atan2` of each pair of numbers."""
+    return _each_pair(_ATAN2, y, x)
 
 
 def _each(function: int, x: ArrayLike) -> NDArray[np.float64]:
@@ -770,6 +785,10 @@ def _fill_each(function, x, values):
     for i in range(x.size):
         if function == _EXP:
             values[i] = exp(x[i])
+        elif function == _EXPM1:
+            values[i] = expm1(x[i])
+        elif function == _LOG:
+            values[i] = log(x[i])
         elif function == _LOG1P:
             values[i] = log1p(x[i])
         elif function == _LOG2:
@@ -783,8 +802,13 @@ def _fill_each(function, x, values):
     return values
 
 
+def _each_pair(function: int, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    first, second = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    return _fill_each_pair(function, first.flatten(), second.flatten(), np.empty(first.size)).reshape(first.shape)
+
+
 @numba.njit(cache=True, nogil=True)
-def _fill_powers(x, y, values):
+def _fill_each_pair(function, x, y, values):
     for i in range(x.size):
-        values[i] = pow(x[i], y[i])
+        values[i] = pow(x[i], y[i]) if function == _POW else atan2(x[i], y[i])
     return values

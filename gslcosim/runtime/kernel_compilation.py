@@ -53,8 +53,8 @@ class KernelFolder:
         """Return whether kernels were added since."""
         return self._count() > self._before
 
-    def estimate_share(self) -> float:
-        """Return about which share of the kernels is there."""
+    def estimate_fraction(self) -> float:
+        """Return about which fraction of the kernels is there."""
         return min(self._count() / self._n_needed, 0.99)
 
     def _count(self) -> int:
@@ -93,7 +93,7 @@ def compile_kernels(scenarios: Sequence[str] = (), report: Callable[[float], obj
                 job = waiting.pop(0)
                 command = [*build_parent_death_prefix(), *job.command]
                 running.append((job, subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)))
-            report(folder.estimate_share())
+            report(folder.estimate_fraction())
             with contextlib.suppress(subprocess.TimeoutExpired):
                 running[0][1].wait(_LOOK_EVERY_S)
             for job, process in list(running):

@@ -348,7 +348,7 @@ class CompilationReporter:
         if status.state == "preparing":
             return replace(status, text=f"{status.text}, {_TEXT_OF_PREPARATION}", is_compiling=True)
         text = ", ".join(filter(None, (TEXT, status.text)))
-        return replace(status, text=text, fraction=self._folder.estimate_share(), is_compiling=True)
+        return replace(status, text=text, fraction=self._folder.estimate_fraction(), is_compiling=True)
 
 
 @dataclass

@@ -25,7 +25,7 @@ from bench_peers import FOLDER, OWN, PEERS_PYTHON, positive
 # What each of our batches is compared with.
 REFERENCE = "crazyflow"
 N_ROBOTS = 10_000
-# Of the last lines of what a contestant says that has failed.
+# Of the last lines that a failed contestant prints.
 N_SHOWN_CHARACTERS = 200
 _SEARCH = "commands at 10 Hz, autopilot, nose, anemometer, referee"
 _BODY = "rigid body, rotors with lag, cascade of control, wind and drag at 250 Hz"
@@ -95,13 +95,13 @@ CONTESTANTS = (
 
 
 class Racer:
-    """The process of a contestant; `absence` says in a line why it does not take part, where it does not."""
+    """The process of a contestant; `absence` is the reason, in a line, where it does not take part."""
 
     def __init__(self, contestant: Contestant, peers_python: Path) -> None:
         self.contestant = contestant
         self.absence: str | None = None
         self.version = contestant.title
-        # Packages write files where they run; and nobody reads a pipe of errors while they do.
+        # Packages write files where they run; and a pipe of errors would fill up.
         self._folder = tempfile.TemporaryDirectory(prefix="peers-")
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 - it is closed with the process
         try:

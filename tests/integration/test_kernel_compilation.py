@@ -17,7 +17,7 @@ from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.method_scenario import build_method_scenario
 
 DIRECTORY = bundled_scenarios()["tiny_room"].parent
-# Flies in this process and says how many kernels that can be cached were compiled.
+# Runs in this process and prints how many kernels that can be cached were compiled.
 COUNTING = """
 import sys
 from gslcosim.cli.main import main

@@ -12,7 +12,7 @@ from real_runs import start_command
 
 # The reader has installed gslcosim.
 PATH = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-# What a reader has already when the page says so: two runs of one seed, the newest of them.
+# Runs that a page presupposes: two of one seed, the newest of them.
 _GIVEN_RUNS = {"RUN_A": -2, "RUN_B": -1, "RUN": -1}
 # What a shell expands, joins or diverts outside of quotes: such lines need one, and all that begin with other programs.
 _NEEDS_A_SHELL = re.compile(r"[|&;<>()$`*?~{}\\!]")

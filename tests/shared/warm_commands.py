@@ -1,4 +1,4 @@
-"""Commands of gslcosim in forks of a process that has imported everything, and has flown once.
+"""Commands of gslcosim in forks of a process that has imported everything, and has run once.
 
 A fork is a process of its own, with all the processes that a command starts; it only does without seconds of imports.
 Commands of pages, and those under limits of the machine, start from nothing instead.

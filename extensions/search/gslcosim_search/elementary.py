@@ -9,12 +9,11 @@ Held by:
     tests/architecture/test_elementary_functions.py
 """
 
-# ruff: noqa: A004, ANN001, ANN202 - a power is named `pow`, and kernels have no types
+# ruff: noqa: A004 - a power is named `pow`
 
 import math
 from collections.abc import Callable, Sequence
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -22,15 +21,18 @@ from gslcosim.base import scalar_kernels
 from gslcosim.base.elementary_kernels import *  # noqa: F403 - all of them
 from gslcosim.base.elementary_kernels import (
     atan2,
+    atan2_each,
     cbrt,
     cos,
     exp,
     exp_each,
     expm1,
+    expm1_each,
     log,
     log1p,
     log2,
     log10,
+    log_each,
     pow,
     pow_each,
     product,
@@ -44,8 +46,6 @@ Array = NDArray[np.float64]
 Point = Sequence[float] | Array
 # With points that may be arrays.
 distance: Callable[[Point, Point], float] = scalar_kernels.distance  # type: ignore[assignment]
-# Numbers of the functions of `_fill_each`.
-_LOG, _EXPM1, _TANH = range(3)
 
 
 @scalar_kernel
@@ -55,50 +55,11 @@ def tanh(x: float) -> float:
     return math.copysign(e / (2.0 + e), x)
 
 
-def log_each(x: ArrayLike) -> Array:
-    """Return the natural logarithm of each number; minus infinity of 0."""
-    return _each(_LOG, x)
-
-
-def expm1_each(x: ArrayLike) -> Array:
-    """Return e^x - 1 of each number, also near zero."""
-    return _each(_EXPM1, x)
-
-
 def tanh_each(x: ArrayLike) -> Array:
     """Return `tanh` of each number."""
-    return _each(_TANH, x)
-
-
-def atan2_each(y: ArrayLike, x: ArrayLike) -> Array:
-    """Return the angle of each direction (x, y) from the x axis, between -pi and pi [rad]."""
-    first, second = np.broadcast_arrays(np.asarray(y, np.float64), np.asarray(x, np.float64))
-    return _fill_angles(first.flatten(), second.flatten(), np.empty(first.size)).reshape(first.shape)
-
-
-def _each(function: int, x: ArrayLike) -> Array:
-    numbers = np.ascontiguousarray(x, np.float64)
-    return _fill_each(function, numbers.reshape(-1), np.empty(numbers.size)).reshape(np.shape(x))
-
-
-@numba.njit(cache=True, nogil=True)
-def _fill_each(function, x, values):
-    for i in range(x.size):
-        if function == _LOG:
-            values[i] = log(x[i])
-        elif function == _EXPM1:
-            values[i] = expm1(x[i])
-        else:
-            e = expm1(-2.0 * abs(x[i]))
-            values[i] = math.copysign(e / (2.0 + e), x[i])
-    return values
-
-
-@numba.njit(cache=True, nogil=True)
-def _fill_angles(y, x, angles_rad):
-    for i in range(x.size):
-        angles_rad[i] = atan2(y[i], x[i])
-    return angles_rad
+    numbers = np.asarray(x, np.float64)
+    e = expm1_each(-2.0 * np.abs(numbers))
+    return np.copysign(e / (2.0 + e), numbers)
 
 
 def warm_up() -> None:

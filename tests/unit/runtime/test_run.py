@@ -19,7 +19,7 @@ def test_a_folder_that_was_not_there_is_new(tmp_path):
     assert not folder.has_new()
     add_kernel(tmp_path / "numba" / "physics")
     assert folder.has_new()
-    assert 0 < folder.estimate_share() < 1
+    assert 0 < folder.estimate_fraction() < 1
 
 
 def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
