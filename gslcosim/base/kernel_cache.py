@@ -30,8 +30,8 @@ PACKAGE_DIR = Path(__file__).resolve().parents[1]
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 # The code whose kernels are in the folder of `NUMBA_VARIABLE`; absent for a folder that the user has chosen.
 OWNER_VARIABLE = "NUMBA_CACHE_OF_GSLCOSIM"
-# The hash of the kernels of each extension, beside that folder, as NAME=HASH,…
-EXTENSIONS_VARIABLE = "GSLCOSIM_EXTENSION_KERNELS"
+# The hash of the kernels of each extension, beside that folder, as NAME=HASH,…; agents get variables of numba.
+EXTENSIONS_VARIABLE = "NUMBA_CACHE_OF_EXTENSIONS"
 # Set for agents in a sandbox, which have a disposable cache of their own, and no key.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 # Beside the kernels: marks of packages and agents whose kernels are all there.
@@ -305,6 +305,7 @@ class _NumbaLoader(importlib.abc.Loader):
 def _load_caching(fill: Callable[[], object], loader: importlib.abc.Loader, module: ModuleType) -> None:
     loader.exec_module(module)
     if UNCHECKED_VARIABLE in os.environ:
+        _use_our_folders(module)
         return
     _sign_files(module)
     fill()
@@ -329,9 +330,13 @@ def _load_without_scipy(loader: importlib.abc.Loader, module: Any) -> None:
 def _sign_files(caching: Any) -> None:
     if not hasattr(caching.IndexDataCacheFile, "is_signed"):
         caching.IndexDataCacheFile = _build_signed_class(caching.IndexDataCacheFile)
-        chosen = _locator_class(caching.UserProvidedCacheLocator)
-        caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
+        _use_our_folders(caching)
         _lock_compilations(caching.Cache)
+
+
+def _use_our_folders(caching: Any) -> None:
+    chosen = _locator_class(caching.UserProvidedCacheLocator)
+    caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
 
 
 # Numba skips a folder that it cannot write, even if all kernels are there to be read, and writes beside the sources, or
@@ -380,11 +385,11 @@ def _lock_kernel(kernel: Any) -> bool:
         import fcntl
 
         _unlock_when_compiling_fails()
-        place = _get_lock_place(kernel)
+        file, place = _open_lock_file(os.getpid()), _get_lock_place(kernel)
         end_s = time.monotonic() + _LOCK_TIMEOUT_S
         while time.monotonic() < end_s:
             try:
-                fcntl.lockf(_open_lock_file(os.getpid()), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+                fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
             except (BlockingIOError, PermissionError):
                 time.sleep(_LOCK_EVERY_S)
             else:

@@ -13,6 +13,7 @@ from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime import kernel_compilation
 from gslcosim.runtime.kernel_compilation import compile_agent_kernels
+from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.method_scenario import build_method_scenario
 
@@ -80,3 +81,25 @@ def test_a_run_compiles_nothing_that_was_compiled_ahead(tmp_path):
     subprocess.run(compile_ahead, check=True)
     counting = [sys.executable, "-c", COUNTING, str(tmp_path)]
     assert subprocess.run(counting, capture_output=True, text=True, check=True).stdout.splitlines()[-1] == "0"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sandbox", ["bubblewrap", "landlock"])
+def test_an_agent_in_a_sandbox_loads_what_was_compiled_ahead(tmp_path, sandbox):
+    """Kernels of the core and of extensions; numba reports in the agent's log what it loads and saves."""
+    if reason := unavailable_reason(sandbox):
+        pytest.skip(reason)
+    subprocess.run([sys.executable, "-m", "gslcosim", "cache", "compile", "warehouse_racks", "--json"], check=True)
+    scenario = load_scenario("warehouse_racks").scenario
+    assert scenario.agents[0].start.python == "gr_gsl"
+    changes = (f"agents[0].sandbox={sandbox}", "referee.stop.time_limit_s=40", "recording.enabled=false")
+    words = [word for change in changes for word in ("--set", change)]
+    command = [sys.executable, "-m", "gslcosim", "up", "warehouse_racks", "--processes", "separate", *words]
+    environment = {**os.environ, "NUMBA_DEBUG_CACHE": "1"}
+    ended = subprocess.run([*command, "--runs-dir", str(tmp_path)], env=environment, stdout=subprocess.DEVNULL)
+    assert ended.returncode == 1  # it searches until the time is up
+    (log,) = tmp_path.glob("*/logs/agent_searcher.log")
+    lines = log.read_text().splitlines()
+    for package in ("gslcosim.base", "gslcosim_search.maps"):
+        assert any("data loaded" in line and package in line for line in lines), package
+    assert [line for line in lines if "saved" in line] == []

@@ -215,9 +215,9 @@ def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
         return {}
     packages = (folder for root in get_code_roots().values() for folder in (root, *root.rglob("*/")))
     own = (path.parent if path.is_file() else path for path in cell.reads)
-    names = {name_numba_folder(code): code for code in (*packages, cell.directory, *own)}
-    folders = {name: cell.kernels / get_kernels_folder_name(code, name) for name, code in names.items()}
-    return {name: sorted(folder.iterdir()) for name, folder in folders.items() if folder.is_dir()}
+    codes = (*packages, cell.directory, *own)
+    folders = {cell.kernels / get_kernels_folder_name(code, name_numba_folder(code)) for code in codes}
+    return {folder.name: sorted(folder.iterdir()) for folder in sorted(folders) if folder.is_dir()}
 
 
 def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Path:

@@ -44,6 +44,4 @@ def test_a_cache_of_many_installations_is_not_linked_whole(tmp_path):
     for descriptor in launch.descriptors:
         os.close(descriptor)
     linked = {path.parent.name: path.readlink() for path in (scratch / "kernels").rglob("*.nbc")}
-    assert linked == {
-        name_numba_folder(folder): kernels / get_name_in_cache(folder) / "kernel.nbc" for folder in installed
-    }
+    assert linked == {name: kernels / name / "kernel.nbc" for name in map(get_name_in_cache, installed)}
