@@ -32,7 +32,7 @@ NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 OWNER_VARIABLE = "NUMBA_CACHE_OF_GSLCOSIM"
 # The hash of the kernels of each extension, beside that folder, as NAME=HASH,…; agents get variables of numba.
 EXTENSIONS_VARIABLE = "NUMBA_CACHE_OF_EXTENSIONS"
-# Set for agents in a sandbox, which have a disposable cache of their own, and no key.
+# Set for agents in a sandbox, which have no key and keep nothing of what they compile.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 # Beside the kernels: marks of packages and agents whose kernels are all there.
 _MARKS_FOLDER = "marks"
@@ -306,6 +306,7 @@ def _load_caching(fill: Callable[[], object], loader: importlib.abc.Loader, modu
     loader.exec_module(module)
     if UNCHECKED_VARIABLE in os.environ:
         _use_our_folders(module)
+        module.Cache.save_overload = lambda *_: None
         return
     _sign_files(module)
     fill()

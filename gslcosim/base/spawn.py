@@ -126,6 +126,7 @@ def open_memory_file(data: bytes) -> int:
     else:
         descriptor, path = tempfile.mkstemp()
         Path(path).unlink()
-    os.write(descriptor, data)
+    with os.fdopen(descriptor, "wb", closefd=False) as file:
+        file.write(data)
     os.lseek(descriptor, 0, os.SEEK_SET)
     return descriptor

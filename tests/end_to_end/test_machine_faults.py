@@ -55,8 +55,8 @@ def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_pat
     result = saved_result(ended)
     assert result["valid"] is False
     assert result["end_reason"] == "simulation_fault"
-    [fault] = result["faults"]
-    assert fault["participant"] == "recorder", fault
+    assert [fault["participant"] for fault in result["faults"]] == ["recorder"], result["faults"]
+    (fault,) = result["faults"]
     assert "recording.rrd: expected to write" in fault["text"]
     assert "was file too large. Raise the limit on the size of a file (ulimit -f)" in fault["text"]
     assert "Traceback" not in ended.errors
@@ -120,22 +120,17 @@ def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, optio
     assert "Traceback" not in ended.errors
 
 
-@pytest.mark.parametrize(("sandbox", "size"), [("landlock", "4k"), ("landlock", "40k"), ("bubblewrap", "4k")])
-def test_a_full_temporary_directory_is_reported_where_it_is_needed(tmp_path, monkeypatch, sandbox, size):
-    """A file of the cache was named, on a disk with room; bubblewrap has a private folder in memory."""
+@pytest.mark.parametrize("sandbox", ["landlock", "bubblewrap"])
+def test_a_run_needs_no_room_in_the_temporary_directory(tmp_path, monkeypatch, sandbox):
+    """Bubblewrap has a private folder in memory, and agents keep nothing of what they compile."""
     if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     # A path too long for sockets would not be taken.
-    with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", f"size={size}") as folder:
+    with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", "size=4k") as folder:
         monkeypatch.setenv("TMPDIR", str(folder))
         ended = fly_command(TINY_ROOM, tmp_path / "runs", "--set", f"agents[0].sandbox={sandbox}")
         monkeypatch.delenv("TMPDIR")
-    if sandbox == "bubblewrap":
-        assert ended.exit_code == 0, ended.errors
-        return
-    assert ended.exit_code == 3
-    assert "temporary directory: expected a folder that can be written, was no space left on device" in ended.errors
-    assert f"File: {folder}" in ended.errors
+    assert ended.exit_code == 0, ended.errors
 
 
 def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):

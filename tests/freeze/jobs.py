@@ -143,8 +143,9 @@ def fly(*words: str | Path, processes: str, is_recorded: bool = False, runs: str
 
 def outcome_of(result: dict[str, Any]) -> Entry:
     """Return what a result says, without wall times and how agents were kept apart."""
-    if not result["valid"]:
-        raise CommandFailed(f"expected a valid run, was {json.dumps(result['faults'])[:800]}")
+    late = any("did not answer within" in fault["text"] for fault in result["faults"])
+    if late or not result["valid"]:
+        raise CommandFailed(f"expected a valid run in time, was {json.dumps(result['faults'])[:800]}")
     return {
         "digest": result["digest"],
         "end": f"{result['end_reason']} at tick {result['ticks']}",

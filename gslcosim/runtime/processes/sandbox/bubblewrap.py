@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 from gslcosim.runtime.processes.sandbox.policy import SYSTEM_FOLDERS, SandboxPolicy
 
@@ -17,9 +16,6 @@ SCRATCH_BYTES = 256 << 20
 SHARED_MEMORY_BYTES = 64 << 20
 _SCRATCH = "/tmp"
 HOME = Path(_SCRATCH, "home")
-KERNELS = Path(_SCRATCH, "kernels")
-# Bubblewrap takes 9000 words in all; kernels beyond these are compiled again.
-_MAX_LINKS = 2000
 _BASE_OPTIONS = (
     "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
     "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
@@ -99,25 +95,14 @@ def build_bubblewrap_command(
     return [*line, *command]
 
 
-def build_bubblewrap_arguments(variables: Mapping[str, str], kernels: Mapping[str, Sequence[Path]]) -> list[str]:
-    """Return arguments that are no part of the command line: there other users could read them, and it has a limit.
+def build_bubblewrap_arguments(variables: Mapping[str, str]) -> list[str]:
+    """Return arguments that are no part of the command line, where other users could read them: the variables.
 
     Args:
-        kernels: Compiled kernels by the name of their folder; they are linked in the private folder, where more are
-            compiled, so that its limit holds for these, too.
+        variables: All variables of the process, but for its private folders.
     """
-    links = [(path, KERNELS / name / path.name) for name, compiled in kernels.items() for path in compiled]
-    return [
-        "--clearenv",
-        *(word for name, value in variables.items() for word in ("--setenv", name, value)),
-        *(word for path, link in links[:_MAX_LINKS] for word in ("--symlink", str(path), str(link))),
-    ]
-
-
-def build_bubblewrap_variables(cell: SandboxPolicy) -> dict[str, str]:
-    """Return what changes in the environment of a process in its cell."""
-    kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None else {}
-    return {"HOME": str(HOME), "TMPDIR": _SCRATCH, **kernels}
+    private = {"HOME": str(HOME), "TMPDIR": _SCRATCH}
+    return ["--clearenv", *(word for pair in {**variables, **private}.items() for word in ("--setenv", *pair))]
 
 
 def _list_system_links() -> list[str]:

@@ -1,6 +1,5 @@
 """Client of the launcher: the plan that it gets, and the failure that it reports in the end."""
 
-import hashlib
 import json
 import os
 import sys
@@ -10,15 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.bundled import CARD_FILE
-from gslcosim.base.files import build_temporary_directory_error
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE, get_code_roots, get_kernels_folder_name
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
 from gslcosim.base.spawn import open_memory_file
 from gslcosim.runtime.processes.sandbox import confinement
-from gslcosim.runtime.processes.sandbox.bubblewrap import (
-    build_bubblewrap_arguments,
-    build_bubblewrap_command,
-    build_bubblewrap_variables,
-)
+from gslcosim.runtime.processes.sandbox.bubblewrap import build_bubblewrap_arguments, build_bubblewrap_command
 from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 from gslcosim.runtime.processes.sandbox.policy import SandboxPolicy, split_readable_paths
 from gslcosim.scenario.models.participants import AgentLimitsSpec
@@ -37,7 +31,6 @@ for name, folder in zip(("gslcosim", "runtime", "processes", "sandbox"), sys.arg
 from gslcosim.runtime.processes.sandbox.launcher import main
 main()
 """
-_KERNELS = "kernels"
 _MAX_UNSEEN = 3
 _HERE = Path(__file__).parent
 _PACKAGE = _HERE.parents[2]
@@ -90,22 +83,17 @@ class Launch:
         inherited: list[int] = []
         confined: Mapping[str, Any] = {}
         if cell is not None:
-            kernels = _find_kernels(cell)
-            # It has links to the compiled kernels, but not the key that verifies them.
+            # It reads the compiled kernels, but not the key that verifies them.
             variables[UNCHECKED_VARIABLE] = "1"
             if is_bubblewrap:
                 calls = _write_call_filter(cell)
-                variables |= build_bubblewrap_variables(cell)
-                # Other users could read them on its command line.
-                words = build_bubblewrap_arguments(variables, kernels)
+                words = build_bubblewrap_arguments(variables)
                 arguments = _open_memory_file_above_pipes(b"".join(os.fsencode(word) + b"\0" for word in words))
                 inherited = [*calls, arguments]
                 confined = _plan_bubblewrap(cell, command, has_pipes=has_pipes, calls=calls, arguments=arguments)
             else:
                 confined = _plan_landlock(cell, has_pipes=has_pipes)
                 variables |= {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
-                if cell.kernels is not None:
-                    variables[NUMBA_VARIABLE] = str(_link_kernels(cell, kernels))
         keep = [*keep, *inherited]
         plan = {
             "command": list(command),
@@ -206,35 +194,3 @@ def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]
             "allows_tcp": cell.tcp_port is not None,
         },
     }
-
-
-# Existing kernels are read in place, and cannot be changed; the agent compiles others into a folder of its own, with
-# links to the existing ones, which is removed afterwards.
-def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
-    if cell.kernels is None:
-        return {}
-    packages = (folder for root in get_code_roots().values() for folder in (root, *root.rglob("*/")))
-    own = (path.parent if path.is_file() else path for path in cell.reads)
-    codes = (*packages, cell.directory, *own)
-    folders = {cell.kernels / get_kernels_folder_name(code, name_numba_folder(code)) for code in codes}
-    return {folder.name: sorted(folder.iterdir()) for folder in sorted(folders) if folder.is_dir()}
-
-
-def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Path:
-    own = cell.scratch / _KERNELS
-    try:
-        own.mkdir(exist_ok=True)
-        for name, compiled in kernels.items():
-            (own / name).mkdir()
-            for path in compiled:
-                (own / name / path.name).symlink_to(path)
-    except OSError as error:
-        raise build_temporary_directory_error(error) from error
-    return own
-
-
-def name_numba_folder(code: Path) -> str:
-    """Return the name that numba gives the folder of compiled kernels of the modules of a folder."""
-    # Numba encodes paths as UTF-8, whatever the locale; a path that cannot be encoded has no kernels there.
-    name = str(code).encode(errors="surrogateescape")
-    return f"{code.name}_{hashlib.sha1(name, usedforsecurity=False).hexdigest()}"

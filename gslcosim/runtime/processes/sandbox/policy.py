@@ -55,7 +55,6 @@ class SandboxPolicy:
     writes: tuple[Path, ...] = ()
     sockets: tuple[Path, ...] = ()
     tcp_port: int | None = None
-    kernels: Path | None = None
     scratch: Path
 
 

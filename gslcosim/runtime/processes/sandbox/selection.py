@@ -250,19 +250,18 @@ def build_confinement(
     hidden = [*of_system, *private, *within_granted, *(path.resolve() for path in within_granted)]
     hidden = [path for path in hidden if path not in (*of_programs, *granted)]
     is_python = Path(command[0]).name.startswith("python") and NUMBA_VARIABLE in os.environ
-    kernels = Path(os.environ[NUMBA_VARIABLE]) if is_python else None
+    kernels = [Path(os.environ[NUMBA_VARIABLE])] if is_python else []
     writes = [(directory / Path(path).expanduser()).absolute() for path in agent.may_write]
     _check_writes(agent, writes, setup, directory)
     readable = [*of_programs, *granted, *of_python, *map(Path, SYSTEM_FOLDERS)]
     hidden += [path.resolve() for path in hidden]
     cell = SandboxPolicy(
         directory=directory.absolute(),
-        reads=_keep_existing([*readable, *([kernels] if kernels is not None else [])]),
+        reads=_keep_existing([*readable, *kernels]),
         hidden=_keep_existing([*hidden, *_under_other_names(hidden, readable)]),
         writes=_keep_existing(writes),
         sockets=(Path(place),) if door == "unix" else (),
         tcp_port=int(place.rpartition(":")[2]) if door == "tcp" else None,
-        kernels=kernels,
         scratch=scratch,
     )
     unseen = tuple(path for each in programs for path in each.unseen)
