@@ -260,7 +260,9 @@ def imported_wind(bench: Bench) -> float | str:
     if not grid.exists():
         return "GSL-Bench's room 005: set GSLCOSIM_REFERENCE"
     calls = [[code.python, "-c", WIND, grid] for code in (bench.today, bench.base)]
-    today_s, base_s = (json.loads(subprocess.check_output(call, text=True))[0] for call in calls)
+    # Where the checkout is not on the path of modules.
+    printed = [subprocess.check_output(call, text=True, cwd=bench.runs_dir) for call in calls]
+    today_s, base_s = (json.loads(text)[0] for text in printed)
     return today_s / base_s
 
 
@@ -352,7 +354,10 @@ def measured(row: Row, bench: Bench, n: int) -> Measured:
     """Return a row's rounds."""
     load, rounds = against.ForeignLoad(), []
     for _ in range(1 if row.is_once else n):
-        found = row.measure(bench)
+        try:
+            found = row.measure(bench)
+        except subprocess.CalledProcessError as error:
+            found = f"a command ended with exit code {error.returncode}"
         if isinstance(found, str):
             return Measured(row=row, rounds=[], foreign_cores=load.take(), lacks=found)
         rounds.append(found)
