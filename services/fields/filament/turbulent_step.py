@@ -22,6 +22,7 @@ from gslcosim_services.fields.turbulence.air import (
     EPSILON_ROOT,
     OWN_RATE,
     OWN_STD,
+    SHEAR_SQUARE,
     node_value_with_slopes,
     wind_with_slopes,
 )
@@ -109,7 +110,8 @@ def move_turbulent_filaments_inplace(
         u, v, w = trilinear_wind(velocity_m_s, origin_m, cell_m, x, y, z)
         amplitude, ax, ay, az = node_value_with_slopes(air.nodes, AMPLITUDE, origin_m, cell_m, x, y, z)
         drift = wind_with_slopes(air.drift_m_s, origin_m, cell_m, x, y, z)
-        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az))
+        g, gx, gy, gz = node_value_with_slopes(air.nodes, SHEAR_SQUARE, origin_m, cell_m, x, y, z)
+        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az), g, (gx, gy, gz))
         s, sx, sy, sz = node_value_with_slopes(air.nodes, OWN_STD, origin_m, cell_m, x, y, z)
         rate, _, _, _ = node_value_with_slopes(air.nodes, OWN_RATE, origin_m, cell_m, x, y, z)
         epsilon_root, _, _, _ = node_value_with_slopes(air.nodes, EPSILON_ROOT, origin_m, cell_m, x, y, z)

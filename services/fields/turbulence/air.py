@@ -38,7 +38,7 @@ time.
 """
 
 # Columns of the table at corners.
-AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT = 0, 1, 2, 3
+AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT, SHEAR_SQUARE = range(5)
 
 Walled = NDArray[np.bool_]
 """(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
@@ -50,9 +50,10 @@ _FRAME_SHARE = 0.1
 class AirNodes(NamedTuple):
     """Turbulence at the corners of cells, in the form for kernels.
 
-    `nodes` (nx + 1, ny + 1, nz + 1, 4) float32: amplitude of the large eddies' potential [m2/s], zero on walls; the
+    `nodes` (nx + 1, ny + 1, nz + 1, 5) float32: amplitude of the large eddies' potential [m2/s], zero on walls; the
     standard deviation of a filament's own velocity along each axis [m/s]; the inverse of its correlation
-    time [1/s]; the cube root of epsilon [m^(2/3)/s].
+    time [1/s]; the cube root of epsilon [m^(2/3)/s]; the sum of the squared slopes of the wind that carries
+    eddies [1/s2], zero where that is the wind of each instant.
     `drift_m_s` (nx, ny, nz or 1, 3) float32 wind at cell centres that carries eddies, smooth over their size.
     `length_m` is the integral length.
     """
@@ -288,12 +289,15 @@ def build_turbulent_air(
     node_k, node_epsilon = _at_corners(k, air), _at_corners(epsilon, air)
     std = np.sqrt(2.0 / 3.0 * node_k)
     fade = _fade_at_walls(_distance_to_walls_m(environment, walls, reach_m=spacing_m) / spacing_m)
-    nodes = np.empty((*std.shape, 4), np.float32)
+    nodes = np.zeros((*std.shape, 5), np.float32)
     nodes[..., AMPLITUDE] = potential_amplitude_m2_s(math.sqrt(1.0 - OWN_SHARE), spacing_m) * std * fade
     nodes[..., OWN_STD] = math.sqrt(OWN_SHARE) * std
     nodes[..., OWN_RATE] = 0.75 * LAGRANGIAN_C0 / OWN_TIME_RATIO * node_epsilon / node_k
     nodes[..., EPSILON_ROOT] = elementary.cbrt_each(node_epsilon)
-    drift = np.zeros((1, 1, 1, 3)) if is_open else _smooth_wind(environment, air, length_m)
+    drift = np.zeros((1, 1, 1, 3))
+    if not is_open:
+        drift = _smooth_wind(environment, air, length_m)
+        nodes[..., SHEAR_SQUARE] = _shear_square_at_corners(drift, environment.grid.cell_m)
     return TurbulentAir(
         scales=scales,
         velocity_std_m_s=math.sqrt(2.0 / 3.0 * mean_k),
@@ -345,6 +349,20 @@ def _fade_at_walls(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     r = np.minimum(distance, 1.0)
     r_r = r * r
     return r * (15.0 - r_r * (10.0 - 3.0 * r_r)) / 8.0
+
+
+# Beyond the outermost centres the wind has no slope.
+def _shear_square_at_corners(wind_m_s: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    padded = np.pad(wind_m_s, ((1, 1), (1, 1), (1, 1), (0, 0)), mode="edge")
+    found = np.zeros(tuple(n + 1 for n in wind_m_s.shape[:3]))
+    for axis in range(3):
+        slopes = np.diff(padded, axis=axis) / cell_m
+        for other in (each for each in range(3) if each != axis):
+            n = slopes.shape[other]
+            slopes = 0.5 * (np.take(slopes, range(n - 1), other) + np.take(slopes, range(1, n), other))
+        for i in range(3):
+            found += slopes[..., i] * slopes[..., i]
+    return found
 
 
 def _smooth_wind(environment: Environment, air: NDArray[np.bool_], length_m: float) -> NDArray[np.float64]:

@@ -103,11 +103,14 @@ def potential_at(p, px, py, pz):
 
 
 @numba.njit(cache=True, nogil=True)
-def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope):
+def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope, shear_square, shear_square_slope):
     """Return the velocity of the large eddies at a point [m/s].
 
-    u = curl(A psi(q)),  q = (x - U(x) s) / h        with the exact derivative of q, so that div u = 0
+    u = curl(A c psi(q)),  q = (x - U(x) s) / h,  c = 1 / sqrt(1 + s^2 G / 3)
     [m/s] = [1/m] [m2/s]
+
+    The derivatives of q, A and c are exact, so that div u = 0. Shear draws patterns out as they drift: the energy of
+    curl(psi(q)) is 1 + s^2 G / 3 times that of an even wind, G the sum of the squared slopes of U, and c takes it back.
 
     Args:
         layers: `EddyLayers`.
@@ -115,20 +118,29 @@ def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope):
         wind: Twelve numbers, see `wind_with_slopes`: the mean wind U that carries them, smooth over their size.
         amplitude: Amplitude A of the potential there [m2/s]; zero at walls, so that no eddy blows through them.
         amplitude_slope: Its gradient [m/s], three numbers.
+        shear_square: G there [1/s2].
+        shear_square_slope: Its gradient [1/(m s2)], three numbers.
 
     Source:
         Bridson, Hourihan and Nordenstam 2007, Curl-noise for procedural fluid flow, doi:10.1145/1275808.1276435:
-        the curl of a random potential that fades at walls. That patterns drift and fade is ours.
+        the curl of a random potential that fades at walls. That patterns drift and fade, and c, are ours.
     Held by:
-        tests/unit/services/fields/turbulence/test_eddies.py (variance, no divergence, none through walls)
+        tests/unit/services/fields/turbulence/test_eddies.py (variance, in shear too, no divergence, none through walls)
     """
     u, v, w, ux, uy, uz, vx, vy, vz, wx, wy, wz = wind
-    ax, ay, az = amplitude_slope
+    gx, gy, gz = shear_square_slope
     sum_x = sum_y = sum_z = 0.0
     for n in range(layers.weight.size):
         per_m = 1.0 / layers.spacing_m[n]
-        a = amplitude * per_m
         s, offset, share = layers.drift_s[n], layers.offset[n], layers.weight[n]
+        third = s * s / 3.0
+        kept_square = 1.0 / (1.0 + third * shear_square)
+        kept = math.sqrt(kept_square)
+        a, falls = kept * amplitude * per_m, 0.5 * amplitude * kept * kept_square * third
+        ax, ay, az = (
+            kept * amplitude_slope[0] - falls * gx, kept * amplitude_slope[1] - falls * gy,
+            kept * amplitude_slope[2] - falls * gz,
+        )  # fmt: skip
         qx, qy, qz = (x - s * u) * per_m + offset[0], (y - s * v) * per_m + offset[1], (z - s * w) * per_m + offset[2]
         px, py, pz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = potential_at(layers.potential[n], qx, qy, qz)
         # Of component k along j: sum over m of its slope along q_m, times (delta_mj - s dU_m / dx_j).

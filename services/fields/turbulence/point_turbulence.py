@@ -13,6 +13,7 @@ from gslcosim.environment.model import Grid
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
     OWN_SHARE,
+    SHEAR_SQUARE,
     TurbulentAir,
     node_value_with_slopes,
     wind_with_slopes,
@@ -39,7 +40,8 @@ def turbulent_wind_at_points(velocity_m_s, air, layers, origin_m, cell_m, points
         u, v, w = trilinear_wind(velocity_m_s, origin_m, cell_m, x, y, z)
         amplitude, ax, ay, az = node_value_with_slopes(air.nodes, AMPLITUDE, origin_m, cell_m, x, y, z)
         drift = wind_with_slopes(air.drift_m_s, origin_m, cell_m, x, y, z)
-        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az))
+        g, gx, gy, gz = node_value_with_slopes(air.nodes, SHEAR_SQUARE, origin_m, cell_m, x, y, z)
+        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az), g, (gx, gy, gz))
         wind_m_s[p, 0], wind_m_s[p, 1], wind_m_s[p, 2] = u + eu, v + ev, w + ew
     return wind_m_s
 

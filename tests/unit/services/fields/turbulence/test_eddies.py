@@ -9,6 +9,7 @@ from built_rooms import build_air
 from gslcosim.environment.model import Cell
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
+    SHEAR_SQUARE,
     KEpsilonFields,
     build_turbulent_air,
     k_epsilon_from_intensity,
@@ -46,8 +47,9 @@ def velocity_at(air, room, layers, points_m):
     for x, y, z in points_m:
         origin_m, nodes = np.array(room.grid.origin_m), air.nodes
         amplitude, *slope = node_value_with_slopes(nodes.nodes, AMPLITUDE, origin_m, CELL_M, x, y, z)
+        shear, *shear_slope = node_value_with_slopes(nodes.nodes, SHEAR_SQUARE, origin_m, CELL_M, x, y, z)
         drift = wind_with_slopes(nodes.drift_m_s, origin_m, CELL_M, x, y, z)
-        found.append(eddy_velocity(layers, x, y, z, drift, amplitude, tuple(slope)))
+        found.append(eddy_velocity(layers, x, y, z, drift, amplitude, tuple(slope), shear, tuple(shear_slope)))
     return np.array(found)
 
 
@@ -66,6 +68,38 @@ def test_variance_is_that_of_the_turbulence():
         for seed in range(20)
     ]
     assert np.mean(np.square(found)) == pytest.approx(0.3**2, rel=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shear_per_s", [0.3, 1.0, 2.0])
+def test_shear_leaves_the_variance_as_it_is(shear_per_s):
+    """It grew by up to 3.4 times the standard deviation, as patterns were drawn out for all of their life."""
+    length_m, time_s, room = 0.8, 4.0, make_room()
+    y_m = (np.arange(room.grid.shape[1]) + 0.5) * CELL_M
+    sheared_m_s = np.zeros((*room.grid.shape, 3), np.float32)
+    sheared_m_s[..., 0] = shear_per_s * y_m[:, None]
+    air = make_air(room, length_m=length_m)
+    nodes = air.nodes.nodes
+    nodes[...] = nodes[12, 10, 8]
+    nodes[..., SHEAR_SQUARE] = 0.0
+    sheared_nodes = nodes.copy()
+    sheared_nodes[..., SHEAR_SQUARE] = shear_per_s**2
+    rng, origin_m = np.random.default_rng(1), np.array(room.grid.origin_m)
+    points_m = origin_m + 0.5 + rng.random((1500, 3)) * (5, 4, 3)
+    still = np.zeros((*room.grid.shape, 3), np.float32)
+    scales = EddyScales(length_m=length_m, time_s=time_s)
+
+    def mean_square(found_in):
+        at_times = [
+            turbulent_wind_at_points(
+                still, found_in, LargeEddies(scales, seed=seed).at(40.0 + 1.7 * seed), origin_m, CELL_M, points_m
+            )
+            for seed in range(20)
+        ]
+        return np.mean(np.square(at_times))
+
+    sheared, even = air.nodes._replace(nodes=sheared_nodes, drift_m_s=sheared_m_s), air.nodes._replace(drift_m_s=still)
+    assert mean_square(sheared) == pytest.approx(mean_square(even), rel=0.15)
 
 
 def test_there_is_no_divergence_in_sheared_wind_beside_walls():
