@@ -19,15 +19,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.base.kernel_cache import build_processor_variables
+
 ROOT = Path(__file__).parents[2]
 QEMU = "qemu-x86_64"
 QUICK = ("tiny_room", "warehouse_empty", "event_door")
 LAYOUTS = ("one", "separate")
 # Those of the caller are not inherited.
-_OWN_VARIABLES = (
-    "GLIBC_TUNABLES", "LD_PRELOAD", "NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_FEATURES", "NUMBA_CPU_NAME",
-    "OPENBLAS_CORETYPE",
-)  # fmt: skip
+_OWN_VARIABLES = ("GLIBC_TUNABLES", "LD_PRELOAD", "NPY_DISABLE_CPU_FEATURES", "OPENBLAS_CORETYPE")
+_NUMBA_PREFIX = "NUMBA_"
 _OTHER_C_LIBRARY = Path(__file__).with_name("other_c_library.c")
 _TIMEOUT_S = 3600.0
 
@@ -63,9 +63,11 @@ PROCESSORS = (
     Processor("numba for x86-64", _NUMBA),
     Processor("all of these", _GLIBC | _NUMPY | _BLAS | _NUMBA),
 )
+# Processes under qemu-user read this machine's features in /proc/cpuinfo, so that each model names its level.
+_LEVELS = {"SandyBridge": "x86-64-v2", "Haswell": "x86-64-v3", "Skylake-Server": "x86-64-v3", "EPYC": "x86-64-v3"}
 EMULATED = tuple(
-    Processor(f"qemu {model}", emulated=(QEMU, "-cpu", model, sys.executable))
-    for model in ("SandyBridge", "Haswell", "Skylake-Server", "EPYC")
+    Processor(f"qemu {model}", build_processor_variables(level), (QEMU, "-cpu", model, sys.executable))
+    for model, level in _LEVELS.items()
 )
 
 
@@ -89,7 +91,11 @@ def run_case(case: Case, processor: Processor, folder: Path) -> str:
         *interpreter, "-m", "gslcosim", "up", str(ROOT / "scenarios" / f"{case.scenario}.yaml"), "--json",
         "--seed", str(case.seed), "--processes", case.layout, "--runs-dir", str(place / "runs"),
     ]  # fmt: skip
-    inherited = {name: value for name, value in os.environ.items() if name not in _OWN_VARIABLES}
+    inherited = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in _OWN_VARIABLES and not name.startswith(_NUMBA_PREFIX)
+    }
     try:
         ended = subprocess.run(
             command, env={**inherited, **processor.variables, "GSLCOSIM_CACHE": str(place / "cache")},
