@@ -194,6 +194,8 @@ def locate_event(
     places_m: Mapping[str, Floats],
     *,
     source_height_m: float,
+    coarse_m: float = 10.0,
+    fine_m: float = 2.5,
 ) -> LeakPosition:
     """Return place and rate of an event: among candidate places, or where there are none anywhere in the plane.
 
@@ -204,13 +206,15 @@ def locate_event(
         sensors_m: (k, 3) places of the sensors [m].
         places_m: Candidate places by name, (3,) each [m]; may be empty.
         source_height_m: Height of the source where there are none [m].
+        coarse_m: Spacing of the first grid of places in the plane.
+        fine_m: And of the last.
     """
     if places_m:
         found = locate_among(event, excess, wind, sensors_m, places_m)
         x_m, y_m = (float(x) for x in places_m[found.place][:2])
         return LeakPosition(found.place, (x_m, y_m), found.rate_m3_s, found.is_upper_bound, found.certainty)
     scores = _PlaceScores(event, excess, wind, sensors_m)
-    best_m, visited_m = _search_plane(scores, sensors_m, source_height_m)
+    best_m, visited_m = _search_plane(scores, sensors_m, source_height_m, coarse_m=coarse_m, fine_m=fine_m)
     is_same = np.array([elementary.distance(place_m, best_m) <= _SAME_PLACE_M for place_m in visited_m])
     certainty = scores.certainty(is_same, visited_m)
     rate = scores.rate(np.array([*best_m, source_height_m]))

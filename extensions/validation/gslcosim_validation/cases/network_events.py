@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_bench.statistics.rates import wilson
 from gslcosim_search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
-from gslcosim_search.fixed_sensors.leak_location import LeakEstimate, locate_among, locate_in_plane
+from gslcosim_search.fixed_sensors.leak_location import LeakEstimate, locate_among, locate_event
+from gslcosim_search.fixed_sensors.source_search import PlaceCertainty
 from gslcosim_validation.mast_data import methane_m3_per_kg, wind_record
 from gslcosim_validation.readers.mast_network import LoggedRelease, MastNetwork
 from gslcosim_validation.results import Effort, Figure, Findings, Progress, median_estimate, plain_estimate
@@ -54,9 +55,10 @@ def measure(network: MastNetwork, effort: Effort, progress: Progress) -> Finding
         places_m = {name: np.array(place_m) for name, place_m in network.places_m.items()}
         found = [locate_among(event, excess, wind, network.masts_m, places_m) for event in events]
         figures += _place_figures(network, found, overlaps)
+        figures.append(_unsure_figure([estimate.certainty for estimate in found]))
         labels = [estimate.place for estimate in found]
     else:
-        figures.append(_plane_figure(network, excess, events, overlaps, effort, progress))
+        figures += _plane_figures(network, excess, events, overlaps, effort, progress)
     return Findings(
         figures=figures, drawings={"timeline": lambda figure: _draw(figure, network, excess, labels, events)}
     )
@@ -90,37 +92,45 @@ def _place_figures(network: MastNetwork, found: list[LeakEstimate], overlaps: li
     n, volume = len(network.releases), methane_m3_per_kg(network)
     pairs = list(zip(network.releases, overlaps, strict=True))
     right = [[found[i].place == release.place for i in some] for release, some in pairs]
-    ratios = np.array([_rate_ratio(release, [found[i] for i in some], volume) for release, some in pairs if some])
+    longest = [(release, _longest([found[i] for i in some])) for release, some in pairs if some]
+    ratios = np.array([each.rate_m3_s / volume / release.rate_kg_s for release, each in longest])
+    n_bounds = sum(each.is_upper_bound for _, each in longest)
     return [
         Figure("exact", _count(sum(bool(some) and all(some) for some in right), n)),
         Figure("partly", _count(sum(any(some) for some in right), n)),
-        Figure("rate", median_estimate(ratios)),
+        Figure("rate", median_estimate(ratios), n_bounds=n_bounds),
     ]
 
 
-# Of several events the one that lasts longest.
-def _rate_ratio(release: LoggedRelease, estimates: list[LeakEstimate], volume: float) -> float:
-    longest = max(estimates, key=lambda each: each.event.end_s - each.event.start_s)
-    return longest.rate_m3_s / volume / release.rate_kg_s
+def _longest(estimates: list[LeakEstimate]) -> LeakEstimate:
+    return max(estimates, key=lambda each: each.event.end_s - each.event.start_s)
 
 
-def _plane_figure(
+def _unsure_figure(certainties: list[PlaceCertainty]) -> Figure:
+    margin = min((each.margin for each in certainties if each.is_unsure), default=math.nan)
+    least = f", the nearest other place {margin:.2f} behind" if math.isfinite(margin) else ""
+    return Figure("unsure", plain_estimate(sum(each.is_unsure for each in certainties), len(certainties)), least=least)
+
+
+def _plane_figures(
     network: MastNetwork,
     excess: Excess,
     events: tuple[LeakEvent, ...],
     overlaps: list[list[int]],
     effort: Effort,
     progress: Progress,
-) -> Figure:
+) -> list[Figure]:
     wind, true_m = wind_record(network), np.array(next(iter(network.places_m.values())))
-    error_m = []
+    error_m: list[float] = []
+    certainties: list[PlaceCertainty] = []
     for i, event in enumerate(events):
         progress(f"place of event {i + 1} of {len(events)}", i / len(events))
         steps = {"coarse_m": 20.0, "fine_m": 10.0} if effort == "quick" else {}
-        x_m, y_m = locate_in_plane(event, excess, wind, network.masts_m, height_m=float(true_m[2]), **steps)
-        error_m.append(float(np.hypot(x_m - true_m[0], y_m - true_m[1])))
+        found = locate_event(event, excess, wind, network.masts_m, {}, source_height_m=float(true_m[2]), **steps)
+        error_m.append(float(np.hypot(*(np.array(found.position_m) - true_m[:2]))))
+        certainties.append(found.certainty)
     n_near = sum(any(error_m[i] <= NEAR_M for i in some) for some in overlaps)
-    return Figure("near", _count(n_near, len(network.releases)))
+    return [Figure("near", _count(n_near, len(network.releases))), _unsure_figure(certainties)]
 
 
 def _draw(
