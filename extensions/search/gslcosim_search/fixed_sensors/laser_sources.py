@@ -41,6 +41,8 @@ _GAIN_PER_READING = 0.05
 _LEAST_T = 2.0
 # Rounds in which each place is sought anew beside the others.
 _PLACE_ROUNDS = 2
+# Logarithms of likelihoods that differ by less are nearly equal: odds of seven to one.
+_LEAST_MARGIN = 2.0
 # Places nearer than this are one [m].
 _SAME_PLACE_M = 3.0
 # A sum of readings above so many of its own deviations is gas and not noise.
@@ -182,7 +184,8 @@ class PlaceSearch:
             [np.bincount(self._block, self._visited[place_m].row_log_likelihood) for place_m in places], axis=1
         )
         is_best = np.array([elementary.distance(place_m, best_m) <= _SAME_PLACE_M for place_m in places])
-        return rank_places(scores, elementary.product(self._draws, blocks), is_best, places)
+        drawn = elementary.product(self._draws, blocks)
+        return rank_places(scores, drawn, is_best, places, least_margin=_LEAST_MARGIN)
 
     @property
     def _corners_m(self) -> tuple[Place, Place]:

@@ -26,6 +26,9 @@ _DEVIATES = ((-math.sqrt(3.0), 1.0 / 6.0), (0.0, 2.0 / 3.0), (math.sqrt(3.0), 1.
 _TAIL_SHARE = 0.5
 # A sum of readings above so many of its own deviations is gas and not noise.
 _CLEAR_DEVIATIONS = 2.0
+# Correlations that differ by less are nearly equal: of METEC's first eight releases, as seen by five to eight of the
+# masts, the better place was right in 61 % of such cases, and in 99.8 % above 0.2.
+_LEAST_MARGIN = 0.05
 # Two places nearer than this are one where any place may be it [m].
 _SAME_PLACE_M = 20.0
 
@@ -270,7 +273,8 @@ class _PlaceScores:
         n, r, a, rr, aa, ra = elementary.product(self._draws, sums).reshape(len(self._draws), 6, -1).transpose(1, 0, 2)
         with np.errstate(divide="ignore", invalid="ignore"):
             drawn = (ra - r * a / n) / np.sqrt((rr - r * r / n) * (aa - a * a / n))
-        return rank_places(np.array(self._correlations), np.where(np.isfinite(drawn), drawn, -1.0), is_best, places)
+        drawn = np.where(np.isfinite(drawn), drawn, -1.0)
+        return rank_places(np.array(self._correlations), drawn, is_best, places, least_margin=_LEAST_MARGIN)
 
     def rate(self, place_m: Floats) -> LeakRate:
         turned = sum(weight * self._respond(_turn(self._wind, deviate), place_m) for deviate, weight in _DEVIATES)

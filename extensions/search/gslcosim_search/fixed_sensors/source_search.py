@@ -171,7 +171,8 @@ class PlaceCertainty:
 
     Attributes:
         margin: Its score less that of the next place that does not count as the same; infinite where there is none.
-        confidence: Share of bootstrap samples of quarters of an hour in which it is the best.
+        confidence: Share of bootstrap samples of quarters of an hour in which it is the best; one half at most where
+            the next place is nearly as good.
         runner_up: The next place: its name, or x, y [m]; None without one.
     """
 
@@ -181,12 +182,17 @@ class PlaceCertainty:
 
     @property
     def is_unsure(self) -> bool:
-        """True if samples of the same hours name another place in more than one case in ten."""
+        """True if another place is nearly as good, or better in more than a tenth of samples of the same hours."""
         return self.confidence < SURE_SHARE
 
 
 def rank_places(
-    scores: Floats, drawn: Floats, is_best: NDArray[np.bool_], places: Sequence[str] | Sequence[tuple[float, float]]
+    scores: Floats,
+    drawn: Floats,
+    is_best: NDArray[np.bool_],
+    places: Sequence[str] | Sequence[tuple[float, float]],
+    *,
+    least_margin: float,
 ) -> PlaceCertainty:
     """Return how clearly the best place is better than the others.
 
@@ -195,6 +201,7 @@ def rank_places(
         drawn: (d, p) the same in bootstrap samples.
         is_best: (p,) whether a place counts as the best one.
         places: (p,) names, or x, y [m].
+        least_margin: Scores that differ by less are nearly equal.
     """
     if is_best.all():
         return PlaceCertainty(math.inf, 1.0, None)
@@ -202,8 +209,8 @@ def rank_places(
     best = float(scores[is_best].max())
     if not math.isfinite(best):
         return PlaceCertainty(0.0, 0.0, places[other])
-    share = float(is_best[drawn.argmax(axis=1)].mean())
-    return PlaceCertainty(best - float(scores[other]), share, places[other])
+    margin, share = best - float(scores[other]), float(is_best[drawn.argmax(axis=1)].mean())
+    return PlaceCertainty(margin, share if margin >= least_margin else min(share, 0.5), places[other])
 
 
 def search_place(
