@@ -15,6 +15,7 @@ from gslcosim_search.fixed_sensors.source_search import (
     TermsFit,
     draw_blocks,
     fit_terms,
+    gain_of_sources,
     rank_places,
     rates_that_carry_the_mean,
     search_place,
@@ -34,11 +35,6 @@ _GROUND_SOURCE_M = 0.3
 _MARGIN_M = 20.0
 # More at once are not told apart by a handful of paths.
 _MOST_SOURCES = 4
-# A further source must raise the logarithm of the likelihood by this for each reading. On Chilbolton, whose sources
-# were alone, errors of the model raise it by 0.026 and 0.033; a made-up second source of the same rate by 0.09 to 0.29.
-_GAIN_PER_READING = 0.05
-# And in quarters of an hour as a whole, not in one of them: mean gain over its standard error.
-_LEAST_T = 2.0
 # Rounds in which each place is sought anew beside the others.
 _PLACE_ROUNDS = 2
 # Logarithms of likelihoods that differ by less are nearly equal: odds of seven to one.
@@ -168,14 +164,8 @@ class PlaceSearch:
 
     # Of further sources, over the least that counts.
     def _gain(self, places: Sequence[Place], more: Sequence[Place]) -> float:
-        few, many = self.fit(places), self.fit(more)
         n = int(np.isfinite(self._record.readings_ppm[self.rows]).sum())
-        rows = np.bincount(self._block, many.row_log_likelihood - few.row_log_likelihood)
-        error = float(rows.std()) * math.sqrt(len(rows))
-        # What three more parameters of a source bring by chance (Schwarz 1978).
-        least = max(_GAIN_PER_READING * n, 1.5 * elementary.log(max(n, 2)))
-        gain = (many.log_likelihood - few.log_likelihood) / least
-        return min(gain, float(rows.sum()) / (_LEAST_T * error)) if error > 0.0 else gain
+        return gain_of_sources(self.fit(places), self.fit(more), n, self._block)
 
     def _certainty(self, best_m: Place) -> PlaceCertainty:
         places = list(self._visited)

@@ -1,7 +1,7 @@
 """Source position and rate of an event: comparison of readings with those of puffs from each position."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from gslcosim_search import elementary
 from gslcosim_search.fixed_sensors.events import Excess, LeakEvent
 from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
-from gslcosim_search.fixed_sensors.source_search import PlaceCertainty, draw_blocks, rank_places, search_place
+from gslcosim_search.fixed_sensors.source_search import (
+    BackgroundPrior,
+    PlaceCertainty,
+    TermsFit,
+    draw_blocks,
+    fit_terms,
+    gain_of_sources,
+    rank_places,
+    search_place,
+)
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +38,10 @@ _CLEAR_DEVIATIONS = 2.0
 # Correlations that differ by less are nearly equal: of METEC's first eight releases, as seen by five to eight of the
 # masts, the better place was right in 61 % of such cases, and in 99.8 % above 0.2.
 _LEAST_MARGIN = 0.05
+# The same for logarithms of likelihoods: odds of seven to one.
+_LEAST_LOG_MARGIN = 2.0
+# A reading is no more exact than this [ppm].
+_LEAST_ERROR_PPM = 0.05
 # Two places nearer than this are one where any place may be it [m].
 _SAME_PLACE_M = 20.0
 
@@ -141,12 +154,15 @@ def locate_among(
         Correlation of a forward model with readings as Daniels, Jia and Hammerling 2024, Elementa (DLQ) rank places;
         puffs, detection and rates are ours.
     """
-    scores = _PlaceScores(event, excess, wind, sensors_m)
+    return _choose_place(_PlaceScores(event, excess, wind, sensors_m), event, places_m)
+
+
+def _choose_place(scores: "_PlaceScores", event: LeakEvent, places_m: Mapping[str, Floats]) -> LeakEstimate:
     correlation = {name: scores.correlate(place_m) for name, place_m in places_m.items()}
     best = max(correlation, key=lambda name: correlation[name])
     names = list(correlation)
     certainty = scores.certainty(np.array([name == best for name in names]), names)
-    rate = scores.rate(places_m[best])
+    rate = scores.rate([places_m[best]], [1.0])
     return LeakEstimate(event, best, correlation, rate.rate_m3_s, rate.is_upper_bound, certainty)
 
 
@@ -220,8 +236,55 @@ def locate_event(
     best_m, visited_m = _search_plane(scores, sensors_m, source_height_m, coarse_m=coarse_m, fine_m=fine_m)
     is_same = np.array([elementary.distance(place_m, best_m) <= _SAME_PLACE_M for place_m in visited_m])
     certainty = scores.certainty(is_same, visited_m)
-    rate = scores.rate(np.array([*best_m, source_height_m]))
+    rate = scores.rate([np.array([*best_m, source_height_m])], [1.0])
     return LeakPosition(None, best_m, rate.rate_m3_s, rate.is_upper_bound, certainty)
+
+
+def locate_sources(
+    event: LeakEvent,
+    excess: Excess,
+    wind: WindRecord,
+    sensors_m: Floats,
+    places_m: Mapping[str, Floats],
+    *,
+    source_height_m: float,
+) -> list[LeakPosition]:
+    """Return places and rates of all sources that were open in an event; without candidate places it is one.
+
+    The first is that of `locate_event`. Another candidate joins as long as the readings, fitted jointly with a rate for
+    each place, become likelier by more than errors of the model make them; then each place is tried against the
+    others. What all release carries the mean of the readings, and is shared as the joint fit has it.
+
+    Args:
+        event: Of `detect_events`.
+        excess: Of `find_excess`.
+        wind: Of the same rows.
+        sensors_m: (k, 3) places of the sensors [m].
+        places_m: Candidate places by name, (3,) each [m]; may be empty.
+        source_height_m: Height of the source where there are none [m].
+    """
+    if not places_m:
+        return [locate_event(event, excess, wind, sensors_m, places_m, source_height_m=source_height_m)]
+    scores = _PlaceScores(event, excess, wind, sensors_m)
+    first = _choose_place(scores, event, places_m)
+    names, sure = [first.place], [first.certainty]
+    while len(names) < len(places_m):
+        more, certainty = scores.add_place(names, list(places_m))
+        if scores.gain(names, more, list(places_m)) < 1.0:
+            break
+        names, sure = more, [*sure, certainty]
+    shares = [1.0] if len(names) == 1 else scores.share(names, list(places_m))
+    rate = scores.rate([places_m[name] for name in names], shares)
+    return [
+        LeakPosition(
+            name,
+            (float(places_m[name][0]), float(places_m[name][1])),
+            share * rate.rate_m3_s,
+            rate.is_upper_bound,
+            certainty,
+        )
+        for name, share, certainty in zip(names, shares, sure, strict=True)
+    ]
 
 
 def _search_plane(
@@ -257,11 +320,13 @@ class _PlaceScores:
         self._block, self._draws = draw_blocks(start_s, f"fixed_sensors.leak_location.{event.first}")
         self._start_s = start_s
         self._means_ppm = self._mean(self._above_ppm)
+        self._responses: list[Floats] = []
         self._correlations: list[float] = []
         self._sums: list[Floats] = []
 
     def correlate(self, place_m: Floats) -> float:
         response = self._mean(self._respond(self._wind, place_m))
+        self._responses.append(response)
         self._correlations.append(response_correlation(response, self._means_ppm))
         self._sums.append(self._sum_blocks(response))
         return self._correlations[-1]
@@ -276,10 +341,50 @@ class _PlaceScores:
         drawn = np.where(np.isfinite(drawn), drawn, -1.0)
         return rank_places(np.array(self._correlations), drawn, is_best, places, least_margin=_LEAST_MARGIN)
 
-    def rate(self, place_m: Floats) -> LeakRate:
-        turned = sum(weight * self._respond(_turn(self._wind, deviate), place_m) for deviate, weight in _DEVIATES)
-        response = self._respond(self._wind, place_m)
-        return bounded_rate(response, np.asarray(turned), self._above_ppm, self._noise_ppm)
+    # Of sources at some places, of which each has a share of the release.
+    def rate(self, places_m: Sequence[Floats], shares: Sequence[float]) -> LeakRate:
+        response, turned = np.zeros_like(self._above_ppm), np.zeros_like(self._above_ppm)
+        for place_m, share in zip(places_m, shares, strict=True):
+            response += share * self._respond(self._wind, place_m)
+            for deviate, weight in _DEVIATES:
+                turned += share * weight * self._respond(_turn(self._wind, deviate), place_m)
+        return bounded_rate(response, turned, self._above_ppm, self._noise_ppm)
+
+    # The likeliest further candidate, after which each is tried against those that are left; names are in the order of
+    # `correlate`.
+    def add_place(self, names: list[str], candidates: list[str]) -> tuple[list[str], PlaceCertainty]:
+        left = [name for name in candidates if name not in names]
+        fits = [self._fit([*names, name], candidates) for name in left]
+        best = int(np.argmax([fit.log_likelihood for fit in fits]))
+        more = [*names, left[best]]
+        for i in range(len(more)):
+            others = [name for name in candidates if name not in more]
+            options = [more, *([*more[:i], name, *more[i + 1 :]] for name in others)]
+            more = max(options, key=lambda each: self._fit(each, candidates).log_likelihood)
+        blocks = np.stack([np.bincount(self._block, fit.row_log_likelihood) for fit in fits], axis=1)
+        is_best = np.arange(len(left)) == best
+        scores = np.array([fit.log_likelihood for fit in fits])
+        drawn = elementary.product(self._draws, blocks)
+        return more, rank_places(scores, drawn, is_best, left, least_margin=_LEAST_LOG_MARGIN)
+
+    def gain(self, names: list[str], more: list[str], candidates: list[str]) -> float:
+        n = int(np.isfinite(self._means_ppm).sum())
+        return gain_of_sources(self._fit(names, candidates), self._fit(more, candidates), n, self._block)
+
+    # Of what all release, by place.
+    def share(self, names: list[str], candidates: list[str]) -> list[float]:
+        rates = self._fit(names, candidates).rates_m3_s
+        return (rates / rates.sum()).tolist()
+
+    def _fit(self, names: list[str], candidates: list[str]) -> TermsFit:
+        error_ppm = float(np.max(self._noise_ppm, where=np.isfinite(self._noise_ppm), initial=_LEAST_ERROR_PPM))
+        return fit_terms(
+            np.stack([self._responses[candidates.index(name)] for name in names]),
+            self._means_ppm,
+            np.zeros(len(self._means_ppm), dtype=np.int64),
+            BackgroundPrior(0.0, error_ppm),
+            reading_error_ppm=error_ppm,
+        )
 
     # With puffs from a little before the event.
     def _respond(self, wind: WindRecord, place_m: Floats) -> Floats:

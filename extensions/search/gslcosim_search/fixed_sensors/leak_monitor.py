@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim_search.fixed_sensors.events import DetectionSettings, LeakEvent, detect_events, find_excess
-from gslcosim_search.fixed_sensors.leak_location import locate_event
+from gslcosim_search.fixed_sensors.leak_location import locate_sources
 from gslcosim_search.fixed_sensors.puff_response import WindRecord
 from gslcosim_search.fixed_sensors.source_search import PlaceCertainty
 
@@ -100,9 +100,13 @@ class LeakMonitor:
         reports: list[LeakReport] = []
         for event in events:
             self._reported_until_s = event.end_s
-            found = locate_event(event, excess, wind, self._sensors_m, self._places_m, source_height_m=self._height_m)
             span = event.start_s, event.end_s
-            reports.append(LeakReport(*span, found.position_m, found.rate_m3_s, found.is_upper_bound, found.certainty))
+            reports += [
+                LeakReport(*span, found.position_m, found.rate_m3_s, found.is_upper_bound, found.certainty)
+                for found in locate_sources(
+                    event, excess, wind, self._sensors_m, self._places_m, source_height_m=self._height_m
+                )
+            ]
         return reports
 
     def _is_news(self, event: LeakEvent, now_s: float) -> bool:

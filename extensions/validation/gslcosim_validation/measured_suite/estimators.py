@@ -14,7 +14,7 @@ from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceT
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
 from gslcosim_search.fixed_sensors.laser_sources import PathRecord, find_sources
-from gslcosim_search.fixed_sensors.leak_location import locate_event
+from gslcosim_search.fixed_sensors.leak_location import locate_sources
 from gslcosim_search.fixed_sensors.plume_response import WindStatistics
 from gslcosim_search.fixed_sensors.puff_response import WindRecord
 from gslcosim_search.fixed_sensors.source_search import SURE_SHARE
@@ -126,9 +126,16 @@ class EventEstimator(HindsightEstimator):
             log.start_s, log.wind_world_m_s, self.site.wind_height_m, period_s=self.site.period_s
         )
         return [
-            self.claim(event, excess, wind, float(np.median(log.gas_m3_per_kg[event.first : event.last + 1])))
+            claim
             for event in detect_events(log.start_s, excess)
+            for claim in self.claim_sources(
+                event, excess, wind, float(np.median(log.gas_m3_per_kg[event.first : event.last + 1]))
+            )
         ]
+
+    def claim_sources(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> list[Claim]:
+        """Return the claims of one event, one for each source; by default `claim` alone."""
+        return [self.claim(event, excess, wind, gas_m3_per_kg)]
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return the claim of one event."""
@@ -153,21 +160,26 @@ class LeakNetwork(EventEstimator):
         """Return a claim for each event, or for each source where rows say which is open."""
         return super().claims(log) if self.site.finds_events else _find_sources(self.site, log)
 
-    def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
-        """Return the place whose puffs go best with the readings, and the rate that carries their mean."""
+    def claim_sources(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> list[Claim]:
+        """Return the places whose puffs go best with the readings, and the rates that carry their mean."""
         site = self.site
-        found = locate_event(event, excess, wind, site.sensors_m, site.places_m, source_height_m=self.source_height_m)
-        return Claim(
-            start_s=event.start_s,
-            end_s=event.end_s,
-            place=found.place,
-            position_m=found.position_m,
-            rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
-            is_upper_bound=found.is_upper_bound,
-            margin=found.certainty.margin,
-            confidence=found.certainty.confidence,
-            runner_up=found.certainty.runner_up,
+        sources = locate_sources(
+            event, excess, wind, site.sensors_m, site.places_m, source_height_m=self.source_height_m
         )
+        return [
+            Claim(
+                start_s=event.start_s,
+                end_s=event.end_s,
+                place=found.place,
+                position_m=found.position_m,
+                rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
+                is_upper_bound=found.is_upper_bound,
+                margin=found.certainty.margin,
+                confidence=found.certainty.confidence,
+                runner_up=found.certainty.runner_up,
+            )
+            for found in sources
+        ]
 
 
 class NearestSensor(EventEstimator):

@@ -169,7 +169,7 @@ def _describe_doubt(claim: Claim) -> str:
     if claim.runner_up is None or not math.isfinite(claim.margin):
         return "unsure"
     other = claim.runner_up if isinstance(claim.runner_up, str) else _position(claim.runner_up)
-    return f"unsure ({other} is {claim.margin:.2g} behind)"
+    return f"unsure (next {other}, margin {claim.margin:.2g})"
 
 
 # The upper lane has the truth, each other an entry; colours are places where there is a choice.
