@@ -36,7 +36,7 @@ _TAIL_SHARE = 0.5
 # A sum of readings above so many of its own deviations is gas and not noise.
 _CLEAR_DEVIATIONS = 2.0
 # Correlations that differ by less are nearly equal: of METEC's first eight releases, as seen by five to eight of the
-# masts, the better place was right in 61 % of such cases, and in 99.8 % above 0.2.
+# masts, the better place was right in half of such cases, and in 99.7 % above 0.2.
 _LEAST_MARGIN = 0.05
 # The same for logarithms of likelihoods: odds of seven to one.
 _LEAST_LOG_MARGIN = 2.0

@@ -7,7 +7,7 @@ import pytest
 from mast_campaigns import MASTS_M, N_MINUTES, PLACES_M
 
 from gslcosim_search.fixed_sensors.events import Excess, detect_events, find_excess
-from gslcosim_search.fixed_sensors.leak_location import bounded_rate, locate_among, locate_event
+from gslcosim_search.fixed_sensors.leak_location import bounded_rate, locate_among, locate_event, locate_sources
 from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
 
 MASTS = np.array([[*place_m, 2.4] for place_m in MASTS_M.values()])
@@ -86,3 +86,21 @@ def test_bounds_follow_from_the_tail_and_from_noise():
     assert (silent.rate_m3_s, silent.is_upper_bound) == (pytest.approx(0.2 * math.sqrt(80) / 8000.0), True)
     nothing = bounded_rate(np.zeros((40, 2)), response, gas, noise)
     assert math.isnan(nothing.rate_m3_s)
+
+
+@pytest.mark.parametrize("beside", [None, "tank"])
+def test_an_event_names_all_places_that_were_open(beside):
+    wind, excess, event = record(TURNING)
+    if beside is not None:
+        more = 0.6 * RATE_M3_S * puff_responses(MASTS, wind, PLACES[beside])
+        is_open = (np.arange(N_MINUTES) >= 240) & (np.arange(N_MINUTES) < 360)
+        readings = excess.above_ppm + np.where(is_open[:, None], more, 0.0)
+        excess = find_excess(CLOCK_S, readings)
+        (event,) = detect_events(CLOCK_S, excess)
+    third = {"far": np.array([-35.0, 30.0, 2.0])}
+    found = locate_sources(event, excess, wind, MASTS, {**PLACES, **third}, source_height_m=2.0)
+    truth = {"well": RATE_M3_S} if beside is None else {"well": RATE_M3_S, beside: 0.6 * RATE_M3_S}
+    assert {each.place for each in found} == set(truth)
+    for each in found:
+        assert each.rate_m3_s == pytest.approx(truth[each.place], rel=0.3)
+        assert not each.certainty.is_unsure
