@@ -18,7 +18,7 @@ from gslcosim_services.fields.filament.counter_rng import draw_uniforms
 from gslcosim_services.fields.filament.downwash import Jets, blow_filaments_inplace
 from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_filaments_inplace, trace_displacement
 from gslcosim_services.fields.filament.release import POINT, ReleasePlan, SourceChange, SourceShape, SourceValve
-from gslcosim_services.fields.filament.turbulent_step import move_turbulent_filaments_inplace
+from gslcosim_services.fields.filament.turbulent_step import N_HELD, move_turbulent_filaments_inplace
 from gslcosim_services.fields.turbulence.air import TurbulentAir
 from gslcosim_services.fields.turbulence.eddies import LargeEddies
 
@@ -102,7 +102,7 @@ def gaden_3_buoyancy(specific_gravity: float, ppm: float, sigma_m: float) -> Buo
 
 
 class FilamentTable:
-    """Table of filaments: positions, sizes, births, sources, and own velocities in turbulent air; n rows are in use."""
+    """Table of filaments: positions, sizes, births, sources, and velocities in turbulent air; n rows are in use."""
 
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
@@ -112,6 +112,7 @@ class FilamentTable:
         self.filament_id = np.zeros(capacity, np.int64)
         self.source_index = np.zeros(capacity, np.int32)
         self.own_velocity = np.zeros((capacity, 3))
+        self.held = np.zeros((capacity, N_HELD))
 
     def keep(self, is_kept: NDArray[np.bool_]) -> int:
         """Keep some of the first n filaments, (n,), in their order, as the first rows; return their number."""
@@ -131,7 +132,7 @@ class FilamentTable:
     @property
     def _columns(self) -> tuple[NDArray[Any], ...]:
         born = (self.birth_steps, self.filament_id, self.source_index)
-        return self.position_m, self.sigma_m, *born, self.own_velocity
+        return self.position_m, self.sigma_m, *born, self.own_velocity, self.held
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,12 +394,13 @@ class FilamentPlume:
         )  # fmt: skip
 
     def _move_in_turbulence(self, wind_m_s: NDArray[np.float32], air: TurbulentAir, eddies: LargeEddies) -> int:
-        grid, table = self._environment.grid, self._table
+        grid, table, n_hold = self._environment.grid, self._table, air.steps_to_hold(self._step_s)
+        layers = tuple(eddies.at((self._step - 1 + later) * self._step_s) for later in (0, n_hold))
         return move_turbulent_filaments_inplace(
             table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index,
-            table.own_velocity, self._n, self._buoyancy, self._buoyancy_power, wind_m_s, air.nodes_in(wind_m_s),
-            eddies.at((self._step - 0.5) * self._step_s), self._room.occupancy, grid.origin_m, grid.cell_m,
-            self._step, self._step_s, self._draws.key,
+            table.own_velocity, table.held, self._n, self._buoyancy, self._buoyancy_power, wind_m_s,
+            air.nodes_in(wind_m_s), layers, self._room.occupancy, grid.origin_m, grid.cell_m, self._step, self._step_s,
+            n_hold, self._draws.key,
         )  # fmt: skip
 
     def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:
@@ -433,6 +435,7 @@ class FilamentPlume:
         table.filament_id[new] = range(first_id, first_id + n_new)
         table.source_index[new] = i_source
         table.own_velocity[new] = 0.0
+        table.held[new] = 0.0
         self._n_born[i_source] += n_new
         self._n += n_new
 

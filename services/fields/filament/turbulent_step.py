@@ -1,5 +1,5 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """One step of filaments in turbulent air: mean wind, large eddies, each filament's own velocity, and growth."""
 
 import math
@@ -18,16 +18,17 @@ from gslcosim_services.fields.filament.filament_step import (
     trace_reflections,
 )
 from gslcosim_services.fields.turbulence.air import (
-    AMPLITUDE,
-    EPSILON_ROOT,
-    OWN_RATE,
-    OWN_STD,
-    SHEAR_SQUARE,
-    node_value_with_slopes,
-    wind_with_slopes,
+    eddy_velocity_at,
+    nodes_with_slopes,
 )
-from gslcosim_services.fields.turbulence.eddies import eddy_velocity
+from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
+from gslcosim_services.fields.turbulence.pattern_sums import N_SUMS
 
+# An even change from this share of the velocity at its end carries a filament as far, in the mean square, as noise does
+# that begins at rest: a third of its end's variance times the time's square.
+_FROM_REST = 2.0 / math.sqrt(3.0) - 1.0
+# Columns of `held`, after the velocity of eddies, its change, and that of the filament's own.
+OWN, GROWTH, N_HELD = 9, 10, 11
 INNER_G = 0.03
 """Part of Richardson's constant that is within a filament: pairs of its molecules part as INNER_G eps t^3."""
 # sigma^2 = (INNER_G / 6) eps t^3 along each axis of a filament that begins as a point.
@@ -59,19 +60,53 @@ def grown_variance_m2(variance_m2, epsilon_root, length_m, dt_s):
     return variance_m2 + 3.0 * rate * length_m * elementary.cbrt(length_m) * dt_s
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _renew_velocity(x, y, z, u, v, w, p, held, own_velocity, sigma_m, first, air, layers, origin_m, cell_m, hold_s,
+                    lead_s, late_s, step_key, sums):  # fmt: skip
+    node = nodes_with_slopes(air.nodes, origin_m, cell_m, x, y, z)
+    s, rate, (sx, sy, sz) = np.float64(node[OWN_STD]), np.float64(node[OWN_RATE]), slopes_of(node, OWN_STD)
+    kept = elementary.exp(-hold_s * rate)
+    pushed, spread = (1.0 - kept) / rate, math.sqrt(1.0 - kept * kept)
+    is_newborn = held[p, OWN] == 0.0
+    for c, slope in enumerate((sx, sy, sz)):
+        now = own_velocity[p, c]
+        later = kept * now + pushed * slope + spread * normal_at(step_key, first + np.uint64(c))
+        if is_newborn:
+            now = own_velocity[p, c] = _FROM_REST * later
+        held[p, 6 + c] = (later - now) / hold_s
+    vx, vy, vz = own_velocity[p, 0], own_velocity[p, 1], own_velocity[p, 2]
+    # The newborn have no velocity of eddies yet. Then where the filament will be with the velocities that it has.
+    for moment in range(0 if is_newborn else 1, 2):
+        ahead_s = lead_s if moment == 1 else -late_s
+        e = eddy_velocity_at(
+            air, layers[moment], origin_m, cell_m, x + ahead_s * (u + held[p, 0] + s * vx),
+            y + ahead_s * (v + held[p, 1] + s * vy), z + ahead_s * (w + held[p, 2] + s * vz), sums,
+        )  # fmt: skip
+        for c in range(3):
+            held[p, 3 + c] = (e[c] - held[p, c]) / lead_s
+            if moment == 0:
+                held[p, c] = e[c]
+    grown_m = math.sqrt(grown_variance_m2(sigma_m * sigma_m, node[EPSILON_ROOT], air.length_m, hold_s))
+    held[p, OWN], held[p, GROWTH] = s, (grown_m - sigma_m) / hold_s
+
+
 @numba.njit(cache=True, nogil=True)
 def move_turbulent_filaments_inplace(
-    position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, n, source_buoyancy, buoyancy_power,
-    velocity_m_s, air, layers, occupancy, origin_m, cell_m, step, step_s, key,
+    position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, held, n, source_buoyancy,
+    buoyancy_power, velocity_m_s, air, layers, occupancy, origin_m, cell_m, step, step_s, n_hold, key,
 ):  # fmt: skip
     """Advance all filaments by one step in turbulent air and drop those that left through an outlet.
 
     dp = (U + u + b / sigma^q) dt + s v dt
-    v' = e v + grad(s) T (1 - e) + sqrt(1 - e^2) xi2,  e = exp(-dt / T),  T its time, see `OWN_SHARE`
+    v' = e v + grad(s) T (1 - e) + sqrt(1 - e^2) xi,  e = exp(-h / T),  T its time, see `OWN_SHARE`
 
     U is the mean wind, u the velocity of the large eddies, which has no divergence; s v is a filament's own velocity.
     The gradient keeps a well-mixed gas well mixed where the turbulence is uneven. Walls reflect the filament's own part
     and its velocity.
+
+    A filament's velocities are renewed each `n_hold` steps, in turns by its number: eddies drift with filaments, so
+    what a filament feels changes more slowly than its place. In this time h its s and its growth stay, and u and v go
+    evenly to what they will be at its end.
 
     Args:
         position_world_m: (>= n, 3) filament centres, world frame, xyz [m]; modified.
@@ -80,17 +115,20 @@ def move_turbulent_filaments_inplace(
         filament_id: (>= n,) int64, distinct; reordered.
         source_index: (>= n,) int32 index into the tables of sources; reordered.
         own_velocity: (>= n, 3) velocity v of each filament for itself, in its standard deviations; modified.
+        held: (>= n, N_HELD) velocity u of eddies [m/s] and its change [m/s2], change of v [1/s], standard deviation s
+            of its own velocity [m/s], and growth of sigma [m/s] of each filament, zeros for the newborn; modified.
         n: Number of filaments.
         source_buoyancy: (n_sources,) coefficient b of the gas's vertical velocity, upward [m^(1 + q)/s].
         buoyancy_power: Its power q of the size.
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s], held over the step.
         air: `AirNodes`.
-        layers: `EddyLayers` of the step's middle.
+        layers: Two `EddyLayers`, at the step's start and `n_hold` steps later.
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         step: Number of the step.
         step_s: Length of a step dt [s].
+        n_hold: Steps between two times at which a filament's velocities are renewed.
         key: 64 bits of the stream of filaments' own velocities, uint64.
 
     Returns:
@@ -103,27 +141,28 @@ def move_turbulent_filaments_inplace(
         tests/analytic/test_turbulent_plume.py
     """
     step_key = derive_step_key(key, step)
+    sums = np.empty(N_SUMS, np.float32)
     n_left = 0
     for p in range(n):
         x, y, z = position_world_m[p, 0], position_world_m[p, 1], position_world_m[p, 2]
         dt_s = min(step - birth_steps[p], 1.0) * step_s
         u, v, w = trilinear_wind(velocity_m_s, origin_m, cell_m, x, y, z)
-        amplitude, ax, ay, az = node_value_with_slopes(air.nodes, AMPLITUDE, origin_m, cell_m, x, y, z)
-        drift = wind_with_slopes(air.drift_m_s, origin_m, cell_m, x, y, z)
-        g, gx, gy, gz = node_value_with_slopes(air.nodes, SHEAR_SQUARE, origin_m, cell_m, x, y, z)
-        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az), g, (gx, gy, gz))
-        s, sx, sy, sz = node_value_with_slopes(air.nodes, OWN_STD, origin_m, cell_m, x, y, z)
-        rate, _, _, _ = node_value_with_slopes(air.nodes, OWN_RATE, origin_m, cell_m, x, y, z)
-        epsilon_root, _, _, _ = node_value_with_slopes(air.nodes, EPSILON_ROOT, origin_m, cell_m, x, y, z)
+        turn = (step + filament_id[p]) % n_hold
+        if dt_s > 0.0 and (turn == 0 or held[p, OWN] == 0.0):
+            late_s = step_s - dt_s
+            _renew_velocity(
+                x, y, z, u, v, w, p, held, own_velocity, sigma_m[p], np.uint64(filament_id[p]) * np.uint64(3), air,
+                layers, origin_m, cell_m, (n_hold - turn) * step_s - late_s, n_hold * step_s - late_s, late_s,
+                step_key, sums,
+            )  # fmt: skip
         rise = source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
-        kept = elementary.exp(-dt_s * rate)
-        pushed, spread = (1.0 - kept) / rate, math.sqrt(1.0 - kept * kept)
-        first = np.uint64(filament_id[p]) * np.uint64(3)
-        vx = kept * own_velocity[p, 0] + pushed * sx + spread * normal_at(step_key, first)
-        vy = kept * own_velocity[p, 1] + pushed * sy + spread * normal_at(step_key, first + np.uint64(1))
-        vz = kept * own_velocity[p, 2] + pushed * sz + spread * normal_at(step_key, first + np.uint64(2))
-        ex, ey, ez = s * vx * dt_s, s * vy * dt_s, s * vz * dt_s
-        dx, dy, dz = (u + eu) * dt_s, (v + ev) * dt_s, (w + ew + rise) * dt_s
+        own_m, half_s = held[p, OWN] * dt_s, 0.5 * dt_s
+        ex = own_m * (own_velocity[p, 0] + half_s * held[p, 6])
+        ey = own_m * (own_velocity[p, 1] + half_s * held[p, 7])
+        ez = own_m * (own_velocity[p, 2] + half_s * held[p, 8])
+        dx = (u + held[p, 0] + half_s * held[p, 3]) * dt_s
+        dy = (v + held[p, 1] + half_s * held[p, 4]) * dt_s
+        dz = (w + held[p, 2] + half_s * held[p, 5] + rise) * dt_s
         if not math.isfinite((dx + dy + dz) + (ex + ey + ez)):
             return NOT_FINITE
         nx, ny, nz = x + (dx + ex), y + (dy + ey), z + (dz + ez)
@@ -139,13 +178,19 @@ def move_turbulent_filaments_inplace(
             )
             if has_left:
                 continue
-            vx, vy, vz = flip_x * vx, flip_y * vy, flip_z * vz
-        size_m2 = grown_variance_m2(sigma_m[p] * sigma_m[p], epsilon_root, air.length_m, dt_s)
+            for c, flip in enumerate((flip_x, flip_y, flip_z)):
+                own_velocity[p, c] *= flip
+                held[p, 6 + c] *= flip
         position_world_m[n_left, 0], position_world_m[n_left, 1], position_world_m[n_left, 2] = nx, ny, nz
-        own_velocity[n_left, 0], own_velocity[n_left, 1], own_velocity[n_left, 2] = vx, vy, vz
-        sigma_m[n_left] = math.sqrt(size_m2)
-        birth_steps[n_left] = birth_steps[p]
-        filament_id[n_left] = filament_id[p]
-        source_index[n_left] = source_index[p]
+        for c in range(3):
+            own_velocity[n_left, c] = own_velocity[p, c] + dt_s * held[p, 6 + c]
+            held[n_left, c] = held[p, c] + dt_s * held[p, 3 + c]
+        sigma_m[n_left] = sigma_m[p] + held[p, GROWTH] * dt_s
+        if n_left != p:
+            birth_steps[n_left] = birth_steps[p]
+            filament_id[n_left] = filament_id[p]
+            source_index[n_left] = source_index[p]
+            for c in range(3, N_HELD):
+                held[n_left, c] = held[p, c]
         n_left += 1
     return n_left

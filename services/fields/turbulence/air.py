@@ -18,8 +18,20 @@ from gslcosim.environment.openings import cells_at
 from gslcosim.environment.positions import read_room
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentsSpec
-from gslcosim_services.fields.turbulence.eddies import EddyScales, largest_spacing_m, potential_amplitude_m2_s
+from gslcosim_services.fields.turbulence.eddies import (
+    AMPLITUDE,
+    EPSILON_ROOT,
+    N_COLUMNS,
+    OWN_RATE,
+    OWN_STD,
+    SHEAR_SQUARE,
+    EddyScales,
+    eddy_velocity,
+    largest_spacing_m,
+    potential_amplitude_m2_s,
+)
 from gslcosim_services.fields.turbulence.grid_filters import distance_to, find_nearest, smooth_gaussian
+from gslcosim_services.fields.turbulence.pattern_sums import interpolate_4, interpolate_8
 
 LAGRANGIAN_C0 = 6.0
 """Kolmogorov's constant C0 of the Lagrangian structure function: Lien and D'Asaro 2002, Physics of Fluids 14, 4456."""
@@ -36,9 +48,9 @@ Its velocity is an Ornstein-Uhlenbeck process driven by noise of g eps / 2, so t
 separate as <r^2> = g eps t^3 within its correlation time (Obukhov 1959); its variance is that noise times half that
 time.
 """
+HOLD_PER_TIME_SCALE, MOST_HELD = 0.4, 8
+"""Longest time for which a filament holds its velocity over the Lagrangian time scale, and in steps; chosen."""
 
-# Columns of the table at corners.
-AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT, SHEAR_SQUARE = range(5)
 
 Walled = NDArray[np.bool_]
 """(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
@@ -50,11 +62,11 @@ _FRAME_SHARE = 0.1
 class AirNodes(NamedTuple):
     """Turbulence at the corners of cells, in the form for kernels.
 
-    `nodes` (nx + 1, ny + 1, nz + 1, 5) float32: amplitude of the large eddies' potential [m2/s], zero on walls; the
-    standard deviation of a filament's own velocity along each axis [m/s]; the inverse of its correlation
-    time [1/s]; the cube root of epsilon [m^(2/3)/s]; the sum of the squared slopes of the wind that carries
-    eddies [1/s2], zero where that is the wind of each instant.
-    `drift_m_s` (nx, ny, nz or 1, 3) float32 wind at cell centres that carries eddies, smooth over their size.
+    `nodes` (nx + 1, ny + 1, nz + 1, N_COLUMNS) float32: amplitude of the large eddies' potential [m2/s], zero on
+    walls; the standard deviation of a filament's own velocity along each axis [m/s]; the inverse of its correlation
+    time [1/s]; the cube root of epsilon [m^(2/3)/s]; the sum of the squared slopes of the wind that carries eddies
+    [1/s2], zero where that is the wind of each instant; zeros.
+    `drift_m_s` (nx, ny, nz or 1, 4) float32 wind at cell centres that carries eddies, smooth over their size; a zero.
     `length_m` is the integral length.
     """
 
@@ -76,81 +88,66 @@ def _bracket_with_slope(coordinate_m, origin_m, cell_m, n):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _trilinear_with_slopes(f000, f001, f010, f011, f100, f101, f110, f111, a, b, c, da, db, dc):
-    f00, f01, f10, f11 = f000 + a * (f100 - f000), f001 + a * (f101 - f001), f010 + a * (f110 - f010), f011 + a * (
-        f111 - f011
-    )  # fmt: skip
-    f0, f1 = f00 + b * (f10 - f00), f01 + b * (f11 - f01)
-    e0 = (f100 - f000) + b * ((f110 - f010) - (f100 - f000))
-    e1 = (f101 - f001) + b * ((f111 - f011) - (f101 - f001))
-    return (
-        f0 + c * (f1 - f0),
-        (e0 + c * (e1 - e0)) * da,
-        ((f10 - f00) + c * ((f11 - f01) - (f10 - f00))) * db,
-        (f1 - f0) * dc,
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def wind_with_slopes(velocity_m_s, origin_m, cell_m, x, y, z):
-    """Return the wind at a point and its slopes, of the same interpolation as `trilinear_wind`.
+def drift_with_slopes(drift_m_s, origin_m, cell_m, x, y, z):
+    """Return the wind that carries eddies at a point and its slopes, of the same interpolation as `trilinear_wind`.
 
     Args:
-        velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
+        drift_m_s: See `AirNodes`.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         x, y, z: Point, world frame [m].
 
     Returns:
-        Twelve numbers: u, v, w [m/s], then the slopes along x, y and z of u, of v and of w [1/s].
+        Sixteen float32: u, v, w [m/s] and a zero, then their slopes along x, along y and along z [1/s].
 
     Held by:
         tests/unit/services/fields/turbulence/test_air.py
     """
-    f = velocity_m_s
-    nx, ny, nz, _ = f.shape
+    nx, ny, nz, _ = drift_m_s.shape
     i, i1, a, da = _bracket_with_slope(x, origin_m[0], cell_m, nx)
     j, j1, b, db = _bracket_with_slope(y, origin_m[1], cell_m, ny)
     k, k1, c, dc = _bracket_with_slope(z, origin_m[2], cell_m, nz)
-    u, ux, uy, uz = _trilinear_with_slopes(
-        f[i, j, k, 0], f[i, j, k1, 0], f[i, j1, k, 0], f[i, j1, k1, 0],
-        f[i1, j, k, 0], f[i1, j, k1, 0], f[i1, j1, k, 0], f[i1, j1, k1, 0], a, b, c, da, db, dc,
-    )  # fmt: skip
-    v, vx, vy, vz = _trilinear_with_slopes(
-        f[i, j, k, 1], f[i, j, k1, 1], f[i, j1, k, 1], f[i, j1, k1, 1],
-        f[i1, j, k, 1], f[i1, j, k1, 1], f[i1, j1, k, 1], f[i1, j1, k1, 1], a, b, c, da, db, dc,
-    )  # fmt: skip
-    w, wx, wy, wz = _trilinear_with_slopes(
-        f[i, j, k, 2], f[i, j, k1, 2], f[i, j1, k, 2], f[i, j1, k1, 2],
-        f[i1, j, k, 2], f[i1, j, k1, 2], f[i1, j1, k, 2], f[i1, j1, k1, 2], a, b, c, da, db, dc,
-    )  # fmt: skip
-    return u, v, w, ux, uy, uz, vx, vy, vz, wx, wy, wz
+    steps = (4 * ny * nz * (i1 - i), 4 * nz * (j1 - j), 4 * (k1 - k))
+    return interpolate_4(drift_m_s, 4 * ((i * ny + j) * nz + k), steps, (a, b, c), (da, db, dc))
 
 
-@numba.njit(cache=True, nogil=True)
-def node_value_with_slopes(nodes, column, origin_m, cell_m, x, y, z):
-    """Return one column of the table at corners at a point, and its slopes along x, y and z.
+@numba.njit(cache=True, nogil=True, inline="always")
+def nodes_with_slopes(nodes, origin_m, cell_m, x, y, z):
+    """Return the columns of the table at corners at a point, and their slopes.
 
     Args:
         nodes: See `AirNodes`.
-        column: Which.
         origin_m: (3,) corner (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         x, y, z: Point, world frame [m], in the grid.
+
+    Returns:
+        4 N_COLUMNS float32: the columns, then their slopes along x, along y and along z [1/m].
     """
+    nx, ny, nz, _ = nodes.shape
     sx, sy, sz = (x - origin_m[0]) / cell_m, (y - origin_m[1]) / cell_m, (z - origin_m[2]) / cell_m
-    i = min(max(np.int64(sx), 0), nodes.shape[0] - 2)
-    j = min(max(np.int64(sy), 0), nodes.shape[1] - 2)
-    k = min(max(np.int64(sz), 0), nodes.shape[2] - 2)
-    a, b, c = min(max(sx - i, 0.0), 1.0), min(max(sy - j, 0.0), 1.0), min(max(sz - k, 0.0), 1.0)
-    per_m = 1.0 / cell_m
-    return _trilinear_with_slopes(
-        nodes[i, j, k, column], nodes[i, j, k + 1, column],
-        nodes[i, j + 1, k, column], nodes[i, j + 1, k + 1, column],
-        nodes[i + 1, j, k, column], nodes[i + 1, j, k + 1, column],
-        nodes[i + 1, j + 1, k, column], nodes[i + 1, j + 1, k + 1, column],
-        a, b, c, per_m, per_m, per_m,
-    )  # fmt: skip
+    i = min(max(np.int64(sx), 0), nx - 2)
+    j = min(max(np.int64(sy), 0), ny - 2)
+    k = min(max(np.int64(sz), 0), nz - 2)
+    weights = min(max(sx - i, 0.0), 1.0), min(max(sy - j, 0.0), 1.0), min(max(sz - k, 0.0), 1.0)
+    per_m, steps = 1.0 / cell_m, (N_COLUMNS * ny * nz, N_COLUMNS * nz, N_COLUMNS)
+    return interpolate_8(nodes, N_COLUMNS * ((i * ny + j) * nz + k), steps, weights, (per_m, per_m, per_m))
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def eddy_velocity_at(air, layers, origin_m, cell_m, x, y, z, sums):
+    """Return the velocity of the large eddies at a point of a room, world frame [m/s]; see `eddy_velocity`.
+
+    Args:
+        air: `AirNodes`.
+        layers: `EddyLayers`.
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x, y, z: Point, world frame [m].
+        sums: (N_SUMS,) float32, working memory.
+    """
+    node = nodes_with_slopes(air.nodes, origin_m, cell_m, x, y, z)
+    return eddy_velocity(layers, x, y, z, drift_with_slopes(air.drift_m_s, origin_m, cell_m, x, y, z), node, sums)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,9 +166,13 @@ class TurbulentAir:
     nodes: AirNodes
     drifts_with_wind: bool = False
 
+    def steps_to_hold(self, step_s: float) -> int:
+        """Return for how many steps a filament may hold its velocity: `HOLD_PER_TIME_SCALE`, at most `MOST_HELD`."""
+        return max(1, min(MOST_HELD, math.floor(HOLD_PER_TIME_SCALE * self.scales.time_s / step_s)))
+
     def nodes_in(self, wind_m_s: NDArray[np.float32]) -> AirNodes:
         """Return the table for kernels, in the wind of an instant."""
-        return self.nodes._replace(drift_m_s=wind_m_s) if self.drifts_with_wind else self.nodes
+        return self.nodes._replace(drift_m_s=_with_zero(wind_m_s)) if self.drifts_with_wind else self.nodes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -289,7 +290,7 @@ def build_turbulent_air(
     node_k, node_epsilon = _at_corners(k, air), _at_corners(epsilon, air)
     std = np.sqrt(2.0 / 3.0 * node_k)
     fade = _fade_at_walls(_distance_to_walls_m(environment, walls, reach_m=spacing_m) / spacing_m)
-    nodes = np.zeros((*std.shape, 5), np.float32)
+    nodes = np.zeros((*std.shape, N_COLUMNS), np.float32)
     nodes[..., AMPLITUDE] = potential_amplitude_m2_s(math.sqrt(1.0 - OWN_SHARE), spacing_m) * std * fade
     nodes[..., OWN_STD] = math.sqrt(OWN_SHARE) * std
     nodes[..., OWN_RATE] = 0.75 * LAGRANGIAN_C0 / OWN_TIME_RATIO * node_epsilon / node_k
@@ -301,7 +302,7 @@ def build_turbulent_air(
     return TurbulentAir(
         scales=scales,
         velocity_std_m_s=math.sqrt(2.0 / 3.0 * mean_k),
-        nodes=AirNodes(nodes, np.ascontiguousarray(drift, np.float32), length_m),
+        nodes=AirNodes(nodes, _with_zero(drift), length_m),
         drifts_with_wind=is_open,
     )
 
@@ -363,6 +364,12 @@ def _shear_square_at_corners(wind_m_s: NDArray[np.float64], cell_m: float) -> ND
         for i in range(3):
             found += slopes[..., i] * slopes[..., i]
     return found
+
+
+def _with_zero(wind_m_s: NDArray[np.floating]) -> NDArray[np.float32]:
+    padded = np.zeros((*wind_m_s.shape[:3], 4), np.float32)
+    padded[..., :3] = wind_m_s
+    return padded
 
 
 def _smooth_wind(environment: Environment, air: NDArray[np.bool_], length_m: float) -> NDArray[np.float64]:

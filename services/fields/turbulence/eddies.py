@@ -1,8 +1,9 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """Large eddies: a random velocity without divergence that the mean wind carries."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -13,13 +14,10 @@ from numpy.typing import NDArray
 
 from gslcosim.base import elementary
 from gslcosim.base.rng import stream
+from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE, N_SUMS, PADDED, add_pattern_pair
 
-N_LATTICE = 32
-"""Nodes along each axis of the lattice of random numbers, a power of two; beyond them it repeats."""
 N_LAYERS = 2
 """Patterns of an octave at any time."""
-# Two more nodes along z spare the test for the end of a row.
-_ROW = 3 * (N_LATTICE + 2)
 # <(d psi_z / dy - d psi_y / dz)^2> of quadratic splines over unit normal numbers, in spacings: 2 (11/20)^2.
 _CURL_VARIANCE = 2.0 * 0.55 * 0.55
 # Splines over a lattice of spacing h correlate about as exp(-r^2 / h^2).
@@ -31,8 +29,11 @@ N_FINE_OCTAVES = 3
 LIFE_PER_TIME_SCALE = 4.0
 """Life of the largest pattern over the Lagrangian time scale; velocity in a drifting pattern decorrelates within it."""
 
-_1, _2, _3, _4, _5, _6, _7, _8 = (np.uint64(i) for i in range(1, 9))
-_HALF, _ONE, _TWO, _NONE = np.float32(0.5), np.float32(1.0), np.float32(2.0), np.float32(0.0)
+# Columns of the table of turbulence at the corners of cells.
+AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT, SHEAR_SQUARE = range(5)
+N_COLUMNS = 8
+_MASK = N_LATTICE - 1
+_HALF, _ONE, _NONE = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 
 def octave_shares(n: int) -> NDArray[np.float64]:
@@ -50,60 +51,66 @@ def largest_spacing_m(length_m: float) -> float:
 class EddyLayers(NamedTuple):
     """Eddies of one instant, in the form for kernels.
 
-    A pattern has a lattice of random vectors. `potential` holds those at the nodes of each of m patterns, float32 of
-    (n n (n + 2) 3); `offset` (m, 3) is its origin [nodes], `drift_s` (m,) its time of drift with the mean wind since
-    the middle of its life [s], `weight` (m,) its factor, `spacing_m` (m,) its nodes' distance [m].
+    `lattice` (PADDED^3 4,) float32 holds the random vectors of a seed, at the nodes of a lattice that repeats. Each of
+    m patterns, m even and two to an octave, has an origin of its own in it, `offset` (m, 3) [nodes]; `drift_s` (m,) is
+    its time of drift with the mean wind since the middle of its life [s], `weight` (m,) its factor, `per_spacing_m`
+    (m,) the inverse of its nodes' distance [1/m], float32 each.
     """
 
-    potential: Any
+    lattice: Any
     offset: Any
     drift_s: Any
     weight: Any
-    spacing_m: Any
+    per_spacing_m: Any
 
 
-@numba.njit(cache=True, nogil=True)
-def potential_at(p, px, py, pz):
-    """Return the random vector potential of one lattice and its slopes at a place, by quadratic B-splines.
-
-    Args:
-        p: (n n (n + 2) 3) float32 numbers at nodes, n periodic along x and y, along z with the first two again.
-        px, py, pz: Place in units of nodes.
-
-    Returns:
-        Twelve float32: the components x, y, z, then the slopes along x, y, z of x, of y and of z, per node.
-
-    Held by:
-        tests/unit/services/fields/turbulence/test_eddies.py (against splines of scipy, and differences)
-    """
-    fx, fy, fz = math.floor(px), math.floor(py), math.floor(pz)
-    i, j, k = np.int64(fx), np.int64(fy), np.int64(fz)
-    tx, ty, tz = np.float32(px - fx), np.float32(py - fy), np.float32(pz - fz)
-    sx, sy, sz = _ONE - tx, _ONE - ty, _ONE - tz
-    wx, dx = (_HALF * sx * sx, _HALF + tx * sx, _HALF * tx * tx), (-sx, _ONE - _TWO * tx, tx)
-    wy, dy = (_HALF * sy * sy, _HALF + ty * sy, _HALF * ty * ty), (-sy, _ONE - _TWO * ty, ty)
-    z0, z1, z2, d0, d1, d2 = _HALF * sz * sz, _HALF + tz * sz, _HALF * tz * tz, -sz, _ONE - _TWO * tz, tz
-    vx = vy = vz = xx = xy = xz = yx = yy = yz = zx = zy = zz = _NONE
-    column = (k & (N_LATTICE - 1)) * 3
-    for a in range(3):
-        plane = ((i + a) & (N_LATTICE - 1)) * N_LATTICE
-        for b in range(3):
-            q = np.uint64((plane + ((j + b) & (N_LATTICE - 1))) * _ROW + column)
-            w, wdx, wdy = wx[a] * wy[b], dx[a] * wy[b], wx[a] * dy[b]
-            n0, n1, n2 = p[q], p[q + _3], p[q + _6]
-            along = z0 * n0 + z1 * n1 + z2 * n2
-            vx, xx, xy, xz = vx + w * along, xx + wdx * along, xy + wdy * along, xz + w * (d0 * n0 + d1 * n1 + d2 * n2)
-            n0, n1, n2 = p[q + _1], p[q + _4], p[q + _7]
-            along = z0 * n0 + z1 * n1 + z2 * n2
-            vy, yx, yy, yz = vy + w * along, yx + wdx * along, yy + wdy * along, yz + w * (d0 * n0 + d1 * n1 + d2 * n2)
-            n0, n1, n2 = p[q + _2], p[q + _5], p[q + _8]
-            along = z0 * n0 + z1 * n1 + z2 * n2
-            vz, zx, zy, zz = vz + w * along, zx + wdx * along, zy + wdy * along, zz + w * (d0 * n0 + d1 * n1 + d2 * n2)
-    return vx, vy, vz, xx, xy, xz, yx, yy, yz, zx, zy, zz
+@numba.njit(cache=True, nogil=True, inline="always")
+def _find_start(qx, qy, qz):
+    # Index of the lowest node of the lattice that reaches a place [nodes], and the place above its cell.
+    fx, fy, fz = math.floor(qx), math.floor(qy), math.floor(qz)
+    i, j, k = np.int64(fx) & _MASK, np.int64(fy) & _MASK, np.int64(fz) & _MASK
+    return ((i * PADDED + j) * PADDED + k) * 4, np.float32(qx - fx), np.float32(qy - fy), np.float32(qz - fz)
 
 
-@numba.njit(cache=True, nogil=True)
-def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope, shear_square, shear_square_slope):
+@numba.njit(cache=True, nogil=True, inline="always")
+def slopes_of(node, column):
+    """Return the slopes of a column of `nodes_with_slopes` along x, y and z."""
+    return node[N_COLUMNS + column], node[2 * N_COLUMNS + column], node[3 * N_COLUMNS + column]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _add_pair(layers, n, x, y, z, drift, shear_square, sums):
+    u, v, w, _, ux, vx, wx, _, uy, vy, wy, _, uz, vz, wz, _ = drift
+    third = np.float32(1.0 / 3.0)
+    s, r = layers.drift_s[n], layers.drift_s[n + 1]
+    per_m, offset, other = layers.per_spacing_m[n], layers.offset[n], layers.offset[n + 1]
+    start, ax, ay, az = _find_start(
+        (x - s * u) * per_m + offset[0], (y - s * v) * per_m + offset[1], (z - s * w) * per_m + offset[2]
+    )
+    second, bx, by, bz = _find_start(
+        (x - r * u) * per_m + other[0], (y - r * v) * per_m + other[1], (z - r * w) * per_m + other[2]
+    )
+    t, q = s * s * third, r * r * third
+    kept_square, also_square = _ONE / (_ONE + t * shear_square), _ONE / (_ONE + q * shear_square)
+    kept, also = layers.weight[n] * np.sqrt(kept_square), layers.weight[n + 1] * np.sqrt(also_square)
+    add_pattern_pair(
+        layers.lattice,
+        sums,
+        (start, second),
+        (ax, ay, az, bx, by, bz),
+        (
+            _ONE - s * ux, -s * uy, -s * uz, -s * vx, _ONE - s * vy, -s * vz, -s * wx, -s * wy, _ONE - s * wz,
+            _ONE - r * ux, -r * uy, -r * uz, -r * vx, _ONE - r * vy, -r * vz, -r * wx, -r * wy, _ONE - r * wz,
+        ),
+        (
+            kept * per_m, kept, _HALF * kept * kept_square * t,
+            also * per_m, also, _HALF * also * also_square * q,
+        ),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def eddy_velocity(layers, x, y, z, drift, node, sums):
     """Return the velocity of the large eddies at a point [m/s].
 
     u = curl(A c psi(q)),  q = (x - U(x) s) / h,  c = 1 / sqrt(1 + s^2 G / 3)
@@ -115,11 +122,10 @@ def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope, shear_squar
     Args:
         layers: `EddyLayers`.
         x, y, z: Point, world frame [m].
-        wind: Twelve numbers, see `wind_with_slopes`: the mean wind U that carries them, smooth over their size.
-        amplitude: Amplitude A of the potential there [m2/s]; zero at walls, so that no eddy blows through them.
-        amplitude_slope: Its gradient [m/s], three numbers.
-        shear_square: G there [1/s2].
-        shear_square_slope: Its gradient [1/(m s2)], three numbers.
+        drift: Of `drift_with_slopes`: the mean wind U that carries them, smooth over their size.
+        node: Of `nodes_with_slopes`: with the amplitude A of the potential [m2/s], zero at walls, so that no eddy blows
+            through them, and G [1/s2].
+        sums: (N_SUMS,) float32, working memory.
 
     Source:
         Bridson, Hourihan and Nordenstam 2007, Curl-noise for procedural fluid flow, doi:10.1145/1275808.1276435:
@@ -127,33 +133,21 @@ def eddy_velocity(layers, x, y, z, wind, amplitude, amplitude_slope, shear_squar
     Held by:
         tests/unit/services/fields/turbulence/test_eddies.py (variance, in shear too, no divergence, none through walls)
     """
-    u, v, w, ux, uy, uz, vx, vy, vz, wx, wy, wz = wind
-    gx, gy, gz = shear_square_slope
-    sum_x = sum_y = sum_z = 0.0
-    for n in range(layers.weight.size):
-        per_m = 1.0 / layers.spacing_m[n]
-        s, offset, share = layers.drift_s[n], layers.offset[n], layers.weight[n]
-        third = s * s / 3.0
-        kept_square = 1.0 / (1.0 + third * shear_square)
-        kept = math.sqrt(kept_square)
-        a, falls = kept * amplitude * per_m, 0.5 * amplitude * kept * kept_square * third
-        ax, ay, az = (
-            kept * amplitude_slope[0] - falls * gx, kept * amplitude_slope[1] - falls * gy,
-            kept * amplitude_slope[2] - falls * gz,
-        )  # fmt: skip
-        qx, qy, qz = (x - s * u) * per_m + offset[0], (y - s * v) * per_m + offset[1], (z - s * w) * per_m + offset[2]
-        px, py, pz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = potential_at(layers.potential[n], qx, qy, qz)
-        # Of component k along j: sum over m of its slope along q_m, times (delta_mj - s dU_m / dx_j).
-        z_y = pzy - s * (pzx * uy + pzy * vy + pzz * wy)
-        y_z = pyz - s * (pyx * uz + pyy * vz + pyz * wz)
-        x_z = pxz - s * (pxx * uz + pxy * vz + pxz * wz)
-        z_x = pzx - s * (pzx * ux + pzy * vx + pzz * wx)
-        y_x = pyx - s * (pyx * ux + pyy * vx + pyz * wx)
-        x_y = pxy - s * (pxx * uy + pxy * vy + pxz * wy)
-        sum_x += share * (a * (z_y - y_z) + ay * pz - az * py)
-        sum_y += share * (a * (x_z - z_x) + az * px - ax * pz)
-        sum_z += share * (a * (y_x - x_y) + ax * py - ay * px)
-    return sum_x, sum_y, sum_z
+    sums[:] = _NONE
+    for n in range(0, layers.weight.size, 2):
+        _add_pair(layers, n, x, y, z, drift, node[SHEAR_SQUARE], sums)
+    # Slopes along x, y and z of components x, y and z, then the potential, and what shear takes back.
+    for i in range(N_SUMS // 8):
+        for m in range(3):
+            sums[8 * i + m] += sums[8 * i + 4 + m]
+    px, py, pz, fx, fy, fz = sums[24], sums[25], sums[26], sums[32], sums[33], sums[34]
+    amplitude, (ax, ay, az) = node[AMPLITUDE], slopes_of(node, AMPLITUDE)
+    gx, gy, gz = slopes_of(node, SHEAR_SQUARE)
+    return (
+        amplitude * (sums[10] - sums[17] - gy * fz + gz * fy) + ay * pz - az * py,
+        amplitude * (sums[16] - sums[2] - gz * fx + gx * fz) + az * px - ax * pz,
+        amplitude * (sums[1] - sums[8] - gx * fy + gy * fx) + ax * py - ay * px,
+    )
 
 
 def potential_amplitude_m2_s(velocity_std_m_s: float, spacing_m: float) -> float:
@@ -179,17 +173,17 @@ class PatternAge(NamedTuple):
     fade: float
 
 
-def list_pattern_ages(time_s: float, life_s: NDArray[np.floating]) -> list[PatternAge]:
+def list_pattern_ages(time_s: float, life_s: Iterable[float]) -> list[PatternAge]:
     """Return the ages of the `N_LAYERS` patterns of each octave at a time >= 0 [s].
 
     A pattern grows in and fades out as a half sine over its life, and the next begins when the other is at its height.
 
     Args:
         time_s: The time.
-        life_s: (n_octaves,) life of a pattern of each octave [s].
+        life_s: Life of a pattern of each octave [s].
     """
     ages: list[PatternAge] = []
-    for octave, octave_life_s in enumerate(life_s.tolist()):
+    for octave, octave_life_s in enumerate(life_s):
         for layer in range(N_LAYERS):
             lives = time_s / octave_life_s + layer / N_LAYERS
             epoch = math.floor(lives)
@@ -222,9 +216,10 @@ class LargeEddies:
         if n_octaves > N_EDDY_OCTAVES:
             energy[N_EDDY_OCTAVES:] = fine_share * octave_shares(n_octaves - N_EDDY_OCTAVES)
         # A is a velocity times the largest spacing; smaller lattices have as much less.
-        self._factor = np.sqrt(energy) * np.ldexp(1.0, -octaves)
-        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
-        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * np.ldexp(1.0, -octaves), N_LAYERS)
+        self._factor = tuple((np.sqrt(energy) * np.ldexp(1.0, -octaves)).tolist())
+        life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
+        self._life_s = tuple(life_s.tolist())
+        self._spacing_m = tuple(np.ldexp(largest_spacing_m(scales.length_m), -octaves).tolist())
         self._seed = seed
 
     def reset(self, seed: int) -> None:
@@ -233,22 +228,41 @@ class LargeEddies:
 
     def at(self, time_s: float) -> EddyLayers:
         """Return the eddies at a time >= 0 [s]."""
-        ages = list_pattern_ages(time_s, self._life_s)
-        patterns = [draw_vectors(self._seed, age.octave, age.layer, age.epoch) for age in ages]
-        return EddyLayers(
-            tuple(vectors for _, vectors in patterns),
-            np.array([offset for offset, _ in patterns]),
-            np.array([age.drift_s for age in ages]),
-            np.array([self._factor[age.octave] * age.fade for age in ages]),
-            self._spacing_m,
-        )
+        return _layers_at(self._seed, time_s, self._life_s, self._factor, self._spacing_m)
 
 
-# Cached outside of the objects: plume and instruments use the same patterns, and no state holds them.
-@lru_cache(maxsize=48)
-def draw_vectors(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return a pattern of a seed: the origin of its lattice (3,) [nodes], and its vectors; see `EddyLayers`."""
-    rng = stream(seed, f"fields.eddies.{octave}.{layer}.{epoch}")
-    offset = rng.random(3) * N_LATTICE
-    numbers = rng.standard_normal((N_LATTICE, N_LATTICE, N_LATTICE, 3), dtype=np.float32)
-    return offset, np.concatenate([numbers, numbers[:, :, :2]], axis=2).reshape(-1)
+# Cached outside of the objects: plume and instruments use the same patterns, the plume again later, and no state holds
+# them.
+@lru_cache(maxsize=64)
+def _layers_at(
+    seed: int, time_s: float, life_s: tuple[float, ...], factor: tuple[float, ...], spacing_m: tuple[float, ...]
+) -> EddyLayers:
+    ages = list_pattern_ages(time_s, life_s)
+    return EddyLayers(
+        draw_vectors(seed),
+        np.array([draw_origin(seed, "eddies", age) for age in ages]),
+        np.array([age.drift_s for age in ages], np.float32),
+        np.array([factor[age.octave] * age.fade for age in ages], np.float32),
+        np.repeat(np.float32(1.0) / np.array(spacing_m, np.float32), N_LAYERS),
+    )
+
+
+def draw_origin(seed: int, of: str, age: PatternAge) -> NDArray[np.float64]:
+    """Return the origin (3,) [nodes] of a pattern of a seed in the lattice that its kind of patterns shares.
+
+    Patterns of one lattice are independent of each other, as their origins are: its numbers have no mean.
+    """
+    return _draw_origin(seed, f"fields.{of}.{age.octave}.{age.layer}.{age.epoch}")
+
+
+@lru_cache(maxsize=256)
+def _draw_origin(seed: int, name: str) -> NDArray[np.float64]:
+    return stream(seed, name).random(3) * N_LATTICE
+
+
+@lru_cache(maxsize=4)
+def draw_vectors(seed: int) -> NDArray[np.float32]:
+    """Return the random vectors of a seed, see `EddyLayers`."""
+    numbers = np.zeros((N_LATTICE, N_LATTICE, N_LATTICE, 4), np.float32)
+    numbers[..., :3] = stream(seed, "fields.eddies").standard_normal(numbers[..., :3].shape, dtype=np.float32)
+    return np.pad(numbers, [(0, 2)] * 3 + [(0, 0)], mode="wrap").reshape(-1)

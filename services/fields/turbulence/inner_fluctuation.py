@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 
 from gslcosim.base import elementary
 from gslcosim.base.rng import stream
-from gslcosim_services.fields.turbulence.air import wind_with_slopes
+from gslcosim_services.fields.turbulence.air import drift_with_slopes
 from gslcosim_services.fields.turbulence.eddies import (
     LIFE_PER_TIME_SCALE,
     N_EDDY_OCTAVES,
     N_FINE_OCTAVES,
-    N_LATTICE,
     N_LAYERS,
     EddyScales,
+    draw_origin,
     largest_spacing_m,
     list_pattern_ages,
     octave_shares,
 )
+from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE
 
 _NODES = N_LATTICE * N_LATTICE * N_LATTICE
 # Mean of the square of a sum of 27 quadratic splines over unit normal numbers.
@@ -33,8 +34,8 @@ _SPLINE_VARIANCE = 0.55 * 0.55 * 0.55
 class InnerLayers(NamedTuple):
     """Structure of one instant, in the form for kernels.
 
-    Of m patterns: `numbers` (n n n,) float32 at the nodes of each lattice, `offset` (m, 3) their origins [nodes],
-    `spacing_m`, `drift_s` and `weight` (m,): distance of nodes, time of drift and weight of each.
+    `numbers` (n n n,) float32 stand at the nodes of a lattice that repeats. Of m patterns, `offset` (m, 3) are the
+    origins in it [nodes], `spacing_m`, `drift_s` and `weight` (m,): distance of nodes, time of drift and weight.
     """
 
     numbers: Any
@@ -78,7 +79,7 @@ def inner_factors(points_m, layers, drift_m_s, origin_m, cell_m, shape):
     Args:
         points_m: (m, 3) points, world frame [m].
         layers: `InnerLayers`.
-        drift_m_s: (nx, ny, n, 3) wind that carries structure [m/s].
+        drift_m_s: wind that carries structure, see `AirNodes`.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         shape: Shape k of the Weibull distribution.
@@ -90,14 +91,14 @@ def inner_factors(points_m, layers, drift_m_s, origin_m, cell_m, shape):
     per_mean = elementary.exp(-elementary.lgamma(1.0 + 1.0 / shape))
     for p in range(points_m.shape[0]):
         x, y, z = points_m[p, 0], points_m[p, 1], points_m[p, 2]
-        wind = wind_with_slopes(drift_m_s, origin_m, cell_m, x, y, z)
+        wind = drift_with_slopes(drift_m_s, origin_m, cell_m, x, y, z)
         total = 0.0
         for n in range(layers.weight.size):
             s, h, offset = layers.drift_s[n], layers.spacing_m[n], layers.offset[n]
             qx = (x - s * wind[0]) / h + offset[0]
             qy = (y - s * wind[1]) / h + offset[1]
             qz = (z - s * wind[2]) / h + offset[2]
-            total += layers.weight[n] * lattice_value(layers.numbers[n], qx, qy, qz)
+            total += layers.weight[n] * lattice_value(layers.numbers, qx, qy, qz)
         # The logarithm of a normal tail; beyond 8 standard deviations it is out of the range of numbers.
         tail = 0.5 * elementary.erfc(min(max(total, -8.0), 8.0) * math.sqrt(0.5))
         factors[p] = per_mean * elementary.pow(-elementary.log(tail), 1.0 / shape)
@@ -138,7 +139,7 @@ class InnerFluctuation:
         self._seed = seed
         octaves = np.arange(N_EDDY_OCTAVES, N_EDDY_OCTAVES + N_FINE_OCTAVES)
         self._weight = np.sqrt(octave_shares(N_FINE_OCTAVES) / _SPLINE_VARIANCE)
-        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
+        self._life_s = (LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)).tolist()
         self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * np.ldexp(1.0, -octaves), N_LAYERS)
 
     def reset(self, seed: int) -> None:
@@ -155,10 +156,9 @@ class InnerFluctuation:
 
     def _at(self, time_s: float) -> InnerLayers:
         ages = list_pattern_ages(time_s, self._life_s)
-        patterns = [draw_numbers(self._seed, age.octave, age.layer, age.epoch) for age in ages]
         return InnerLayers(
-            tuple(numbers for _, numbers in patterns),
-            np.array([offset for offset, _ in patterns]),
+            draw_numbers(self._seed),
+            np.array([draw_origin(self._seed, "inner", age) for age in ages]),
             self._spacing_m,
             np.array([age.drift_s for age in ages]),
             np.array([self._weight[age.octave] * age.fade for age in ages]),
@@ -166,8 +166,7 @@ class InnerFluctuation:
 
 
 # Cached outside of the objects, as for eddies.
-@lru_cache(maxsize=96)
-def draw_numbers(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return a pattern of a seed: the origin of its lattice (3,) [nodes], and the numbers at its nodes (n n n,)."""
-    rng = stream(seed, f"fields.inner.{octave}.{layer}.{epoch}")
-    return rng.random(3) * N_LATTICE, rng.standard_normal(_NODES, dtype=np.float32)
+@lru_cache(maxsize=4)
+def draw_numbers(seed: int) -> NDArray[np.float32]:
+    """Return the numbers of a seed at the nodes of the lattice, (n n n,)."""
+    return stream(seed, "fields.inner").standard_normal(_NODES, dtype=np.float32)

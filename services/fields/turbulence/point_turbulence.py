@@ -10,16 +10,10 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.environment.model import Grid
-from gslcosim_services.fields.turbulence.air import (
-    AMPLITUDE,
-    OWN_SHARE,
-    SHEAR_SQUARE,
-    TurbulentAir,
-    node_value_with_slopes,
-    wind_with_slopes,
-)
-from gslcosim_services.fields.turbulence.eddies import N_EDDY_OCTAVES, N_FINE_OCTAVES, LargeEddies, eddy_velocity
+from gslcosim_services.fields.turbulence.air import OWN_SHARE, TurbulentAir, eddy_velocity_at
+from gslcosim_services.fields.turbulence.eddies import N_EDDY_OCTAVES, N_FINE_OCTAVES, LargeEddies
 from gslcosim_services.fields.turbulence.inner_fluctuation import InnerFluctuation
+from gslcosim_services.fields.turbulence.pattern_sums import N_SUMS
 
 
 @numba.njit(cache=True, nogil=True)
@@ -34,14 +28,11 @@ def turbulent_wind_at_points(velocity_m_s, air, layers, origin_m, cell_m, points
         cell_m: Edge of the cubic cells [m].
         points_m: (m, 3) points, world frame [m].
     """
-    wind_m_s = np.empty((points_m.shape[0], 3))
+    wind_m_s, sums = np.empty((points_m.shape[0], 3)), np.empty(N_SUMS, np.float32)
     for p in range(points_m.shape[0]):
         x, y, z = points_m[p, 0], points_m[p, 1], points_m[p, 2]
         u, v, w = trilinear_wind(velocity_m_s, origin_m, cell_m, x, y, z)
-        amplitude, ax, ay, az = node_value_with_slopes(air.nodes, AMPLITUDE, origin_m, cell_m, x, y, z)
-        drift = wind_with_slopes(air.drift_m_s, origin_m, cell_m, x, y, z)
-        g, gx, gy, gz = node_value_with_slopes(air.nodes, SHEAR_SQUARE, origin_m, cell_m, x, y, z)
-        eu, ev, ew = eddy_velocity(layers, x, y, z, drift, amplitude, (ax, ay, az), g, (gx, gy, gz))
+        eu, ev, ew = eddy_velocity_at(air, layers, origin_m, cell_m, x, y, z, sums)
         wind_m_s[p, 0], wind_m_s[p, 1], wind_m_s[p, 2] = u + eu, v + ev, w + ew
     return wind_m_s
 

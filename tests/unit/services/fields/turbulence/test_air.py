@@ -9,14 +9,11 @@ from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.environment.model import Cell, WindFrames, with_wind
 from gslcosim.scenario.loader import load_scenario
 from gslcosim_services.fields.turbulence.air import (
-    AMPLITUDE,
-    EPSILON_ROOT,
     LAGRANGIAN_C0,
-    OWN_RATE,
-    OWN_STD,
     OWN_TIME_RATIO,
     KEpsilonFields,
     build_turbulent_air,
+    drift_with_slopes,
     find_eddy_warnings,
     find_walls,
     integral_length_m,
@@ -24,28 +21,43 @@ from gslcosim_services.fields.turbulence.air import (
     lagrangian_time_s,
     longest_eddies_m,
     mean_speed_m_s,
-    wind_with_slopes,
+    nodes_with_slopes,
 )
+from gslcosim_services.fields.turbulence.eddies import AMPLITUDE, EPSILON_ROOT, N_COLUMNS, OWN_RATE, OWN_STD
+
+
+def check_slopes(found, value_at, point_m, *, h=1e-6):
+    """Value and slopes of the first three columns beside differences."""
+    n = len(found) // 4
+    assert found[:3] == pytest.approx(value_at(point_m)[:3], abs=1e-6)
+    for axis in range(3):
+        ahead, behind = (np.array(value_at(point_m + sign * h * np.eye(3)[axis])[:3]) for sign in (1, -1))
+        first = n * (1 + axis)
+        assert np.array(found[first : first + 3]) == pytest.approx((ahead - behind) / (2 * h), abs=1e-4)
 
 
 def test_wind_and_its_slopes_are_those_of_the_interpolation():
     rng = np.random.default_rng(1)
-    wind_m_s = rng.normal(size=(5, 4, 3, 3)).astype(np.float32)
-    origin_m, cell_m, h = np.array([1.0, 2.0, 3.0]), 0.5, 1e-6
+    wind_m_s = rng.normal(size=(5, 4, 3, 4)).astype(np.float32)
+    origin_m, cell_m = np.array([1.0, 2.0, 3.0]), 0.5
     for point_m in origin_m + rng.random((40, 3)) * (2.5, 2.0, 1.5):
-        found = wind_with_slopes(wind_m_s, origin_m, cell_m, *point_m)
-        assert found[:3] == pytest.approx(trilinear_wind(wind_m_s, origin_m, cell_m, *point_m), abs=1e-6)
-        for axis in range(3):
-            step_m = h * np.eye(3)[axis]
-            ahead, behind = (
-                np.array(trilinear_wind(wind_m_s, origin_m, cell_m, *(point_m + sign * step_m))) for sign in (1, -1)
-            )
-            assert np.array(found[3 + axis :: 3]) == pytest.approx((ahead - behind) / (2 * h), abs=1e-4)
+        found = drift_with_slopes(wind_m_s, origin_m, cell_m, *point_m)
+        check_slopes(found, lambda at_m: trilinear_wind(wind_m_s, origin_m, cell_m, *at_m), point_m)
 
 
 def test_wind_of_one_layer_has_no_slope_across_it():
-    wind_m_s = np.ones((3, 3, 1, 3), np.float32)
-    assert wind_with_slopes(wind_m_s, np.zeros(3), 1.0, 1.2, 1.4, 0.9) == pytest.approx((1.0,) * 3 + (0.0,) * 9)
+    wind_m_s = np.ones((3, 3, 1, 4), np.float32)
+    assert drift_with_slopes(wind_m_s, np.zeros(3), 1.0, 1.2, 1.4, 0.9) == pytest.approx((1.0,) * 4 + (0.0,) * 12)
+
+
+def test_columns_at_corners_and_their_slopes_are_those_of_the_interpolation():
+    """Corners are the centres of a grid that begins half a cell before."""
+    rng = np.random.default_rng(2)
+    nodes = rng.normal(size=(6, 5, 4, N_COLUMNS)).astype(np.float32)
+    origin_m, cell_m = np.array([1.0, 2.0, 3.0]), 0.5
+    for point_m in origin_m + 0.01 + rng.random((40, 3)) * (2.4, 1.9, 1.4):
+        found = nodes_with_slopes(nodes, origin_m, cell_m, *point_m)
+        check_slopes(found, lambda at_m: trilinear_wind(nodes, origin_m - 0.25, cell_m, *at_m), point_m)
 
 
 def test_k_and_epsilon_of_an_intensity_have_its_scales():
@@ -78,7 +90,7 @@ def test_strength_is_that_of_each_place_and_what_is_in_solids_is_not_looked_at(r
         np.full(nodes.shape[:3], 1 / (OWN_TIME_RATIO * air.scales.time_s)), rel=1e-5
     )
     assert nodes[..., EPSILON_ROOT] == pytest.approx(np.full(nodes.shape[:3], 0.01 ** (1 / 3)), rel=1e-5)
-    assert air.nodes.drift_m_s.reshape(-1, 3) == pytest.approx(np.full((960, 3), (0.3, 0.4, 0.0)), abs=1e-6)
+    assert air.nodes.drift_m_s.reshape(-1, 4) == pytest.approx(np.full((960, 4), (0.3, 0.4, 0.0, 0.0)), abs=1e-6)
     assert mean_speed_m_s(room) == pytest.approx(0.5)
 
 

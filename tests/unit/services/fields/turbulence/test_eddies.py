@@ -5,18 +5,24 @@ import dataclasses
 import numpy as np
 import pytest
 from built_rooms import build_air
+from scipy.interpolate import BSpline
 
+from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.environment.model import Cell
 from gslcosim_services.fields.turbulence.air import (
-    AMPLITUDE,
-    SHEAR_SQUARE,
     KEpsilonFields,
     build_turbulent_air,
+    eddy_velocity_at,
     k_epsilon_from_intensity,
-    node_value_with_slopes,
-    wind_with_slopes,
 )
-from gslcosim_services.fields.turbulence.eddies import EddyScales, LargeEddies, draw_vectors, eddy_velocity
+from gslcosim_services.fields.turbulence.eddies import (
+    AMPLITUDE,
+    SHEAR_SQUARE,
+    EddyScales,
+    LargeEddies,
+    draw_vectors,
+)
+from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE, N_SUMS, PADDED
 from gslcosim_services.fields.turbulence.point_turbulence import turbulent_wind_at_points
 
 CELL_M = 0.25
@@ -43,14 +49,8 @@ def make_air(room, *, std_m_s=0.3, length_m=0.8, is_open=False):
 
 def velocity_at(air, room, layers, points_m):
     """Velocity of the eddies alone, (m, 3)."""
-    found = []
-    for x, y, z in points_m:
-        origin_m, nodes = np.array(room.grid.origin_m), air.nodes
-        amplitude, *slope = node_value_with_slopes(nodes.nodes, AMPLITUDE, origin_m, CELL_M, x, y, z)
-        shear, *shear_slope = node_value_with_slopes(nodes.nodes, SHEAR_SQUARE, origin_m, CELL_M, x, y, z)
-        drift = wind_with_slopes(nodes.drift_m_s, origin_m, CELL_M, x, y, z)
-        found.append(eddy_velocity(layers, x, y, z, drift, amplitude, tuple(slope), shear, tuple(shear_slope)))
-    return np.array(found)
+    sums, origin_m = np.zeros(N_SUMS, np.float32), np.array(room.grid.origin_m)
+    return np.array([eddy_velocity_at(air.nodes, layers, origin_m, CELL_M, *point_m, sums) for point_m in points_m])
 
 
 @pytest.mark.slow
@@ -76,7 +76,7 @@ def test_shear_leaves_the_variance_as_it_is(shear_per_s):
     """It grew by up to 3.4 times the standard deviation, as patterns were drawn out for all of their life."""
     length_m, time_s, room = 0.8, 4.0, make_room()
     y_m = (np.arange(room.grid.shape[1]) + 0.5) * CELL_M
-    sheared_m_s = np.zeros((*room.grid.shape, 3), np.float32)
+    sheared_m_s = np.zeros((*room.grid.shape, 4), np.float32)
     sheared_m_s[..., 0] = shear_per_s * y_m[:, None]
     air = make_air(room, length_m=length_m)
     nodes = air.nodes.nodes
@@ -98,8 +98,41 @@ def test_shear_leaves_the_variance_as_it_is(shear_per_s):
         ]
         return np.mean(np.square(at_times))
 
-    sheared, even = air.nodes._replace(nodes=sheared_nodes, drift_m_s=sheared_m_s), air.nodes._replace(drift_m_s=still)
+    sheared, even = (
+        air.nodes._replace(nodes=sheared_nodes, drift_m_s=sheared_m_s),
+        air.nodes._replace(drift_m_s=0.0 * sheared_m_s),
+    )
     assert mean_square(sheared) == pytest.approx(mean_square(even), rel=0.15)
+
+
+def test_velocity_is_the_curl_of_splines_over_the_lattice():
+    """Of scipy's quadratic B-splines, in a wind that slopes in all directions, by differences."""
+    room, rng = make_room(), np.random.default_rng(5)
+    air = make_air(room)
+    nodes = air.nodes.nodes
+    nodes[...] = nodes[12, 10, 8]
+    nodes[..., SHEAR_SQUARE] = 0.0
+    layers, amplitude = LargeEddies(air.scales, seed=3).at(4.2), float(nodes[0, 0, 0, AMPLITUDE])
+    lattice = layers.lattice.reshape(PADDED, PADDED, PADDED, 4)[:N_LATTICE, :N_LATTICE, :N_LATTICE, :3]
+    origin_m, basis = np.array(room.grid.origin_m), BSpline.basis_element([-1.0, 0.0, 1.0, 2.0], extrapolate=False)
+
+    def potential_at(place_m):
+        wind_m_s = np.array(trilinear_wind(air.nodes.drift_m_s, origin_m, CELL_M, *place_m))
+        total = np.zeros(3)
+        for n, drift_s in enumerate(layers.drift_s.tolist()):
+            q = (place_m - drift_s * wind_m_s) * layers.per_spacing_m[n] + layers.offset[n]
+            first = np.floor(q).astype(int)
+            reached = [np.nan_to_num(basis(q[axis] - first[axis] - np.arange(3) + 1.0)) for axis in range(3)]
+            around = lattice[np.ix_(*((first[axis] + np.arange(3)) % N_LATTICE for axis in range(3)))]
+            total += layers.weight[n] * np.einsum("i,j,k,ijkc->c", *reached, around)
+        return amplitude * total
+
+    for point_m in origin_m + 1.0 + rng.random((20, 3)) * (4, 3, 2):
+        h = 1e-5
+        slopes = [(potential_at(point_m + h * e) - potential_at(point_m - h * e)) / (2 * h) for e in np.eye(3)]
+        (_, xy, xz), (yx, _, yz), (zx, zy, _) = slopes
+        expected = (yz - zy, zx - xz, xy - yx)
+        assert velocity_at(air, room, layers, [point_m])[0] == pytest.approx(expected, abs=2e-3)
 
 
 def test_there_is_no_divergence_in_sheared_wind_beside_walls():
@@ -154,7 +187,7 @@ def test_the_first_octaves_are_the_same_however_many_there_are():
     scales = EddyScales(length_m=1.0, time_s=2.0)
     few, many = (LargeEddies(scales, seed=5, fine_share=0.1, n_octaves=n).at(3.0) for n in (3, 6))
     np.testing.assert_array_equal(few.weight, many.weight[:6])
-    np.testing.assert_array_equal(few.potential[5], many.potential[5])
-    assert np.sum(many.weight[6:] ** 2 * many.spacing_m[6:] ** -2) == pytest.approx(
-        0.1 * np.sum(few.weight**2 * few.spacing_m**-2)
+    np.testing.assert_array_equal(few.offset, many.offset[:6])
+    assert np.sum((many.weight[6:] * many.per_spacing_m[6:]) ** 2) == pytest.approx(
+        0.1 * np.sum((few.weight * few.per_spacing_m) ** 2)
     )

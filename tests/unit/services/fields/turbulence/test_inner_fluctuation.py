@@ -12,7 +12,7 @@ SCALES = EddyScales(length_m=2.0, time_s=2.0)
 
 
 def factors(inner, points_m, time_s, wind_m_s=(1.0, 0.0, 0.0)):
-    drift_m_s = np.full((1, 1, 1, 3), wind_m_s, np.float32)
+    drift_m_s = np.full((1, 1, 1, 4), (*wind_m_s, 0.0), np.float32)
     return inner.factors_at(np.asarray(points_m, float), time_s, drift_m_s, (0.0, 0.0, 0.0), 0.5)
 
 
