@@ -123,10 +123,6 @@ _ERFC_FAR_Q = (
     1.0, 3.03380607434824582924e01, 3.25792512996573918826e02, 1.53672958608443695994e03, 3.19985821950859553908e03,
     2.55305040643316442583e03, 4.74528541206955367215e02, -2.24409524465858183362e01,
 )  # fmt: skip
-_STIRLING = (
-    1.0 / 12.0, -1.0 / 360.0, 1.0 / 1260.0, -1.0 / 1680.0, 1.0 / 1188.0, -691.0 / 360360.0, 1.0 / 156.0,
-    -3617.0 / 122400.0,
-)  # fmt: skip
 # Numbers of the functions of `_each`.
 _EXP, _EXPM1, _LOG, _LOG1P, _LOG2, _SIN, _COS, _CBRT = range(8)
 _POW, _ATAN2 = range(2)
@@ -647,27 +643,6 @@ def erfc(x):
     z = _high(a)
     r = exp(-z * z - 0.5625) * exp((z - a) * (z + a) + p / q) / a
     return r if x > 0.0 else 2.0 - r
-
-
-@numba.njit(cache=True, nogil=True)
-def lgamma(x):
-    """Return the logarithm of the gamma function for x > 0, else NaN, within 1e-14 or 1e-14 of its value.
-
-    log Gamma(x) = log Gamma(x + n) - log(x (x + 1) ... (x + n - 1)), the first by Stirling's series from 10 on.
-
-    Source:
-        DLMF 5.5.1 and 5.11.1.
-    """
-    x = np.float64(x)
-    if not 0.0 < x < _INF:
-        return x if x == _INF else _NAN
-    product = 1.0
-    while x < 10.0:
-        product *= x
-        x += 1.0
-    z = 1.0 / (x * x)
-    series = _horner(z, _STIRLING)
-    return (((x - 0.5) * log(x) - x) + 0.9189385332046727) + (series / x - log(product))
 
 
 # In place of BLAS and LAPACK, whose order of sums depends on the processor; for a few numbers.

@@ -29,7 +29,10 @@ class RandomStream(np.random.Generator):
             numbers: Any = super().standard_normal(size, dtype)
             if np.abs(numbers).max() < NORMAL_TAIL:
                 return numbers
+            # Tails are rare: most parts of what has one are drawn at once after all.
             self.bit_generator.state = state
+            parts = [self.standard_normal(count, dtype) for count in (n // 2, n - n // 2)]
+            return np.concatenate(parts).reshape(size)
         return np.array([self.standard_normal(None, dtype) for _ in range(n)], dtype).reshape(size)
 
     def _draw_tail(self, drawn: float) -> float:

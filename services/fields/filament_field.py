@@ -16,7 +16,13 @@ from gslcosim.environment.model import AT_START, Closed, Grid
 from gslcosim_services.fields.filament.downwash import Jets
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, WindAt
 from gslcosim_services.fields.gas_field import PointGrid, Visibility
-from gslcosim_services.fields.mixing_ratio import check_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
+from gslcosim_services.fields.mixing_ratio import (
+    build_filament_arrays,
+    check_points,
+    mean_sigma_m_at_points,
+    mixing_ratio_ppm_at,
+    mixing_ratio_ppm_on_grid,
+)
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
 from gslcosim_services.fields.wall_images import WallImages
@@ -208,7 +214,9 @@ class FilamentField:
             ppm = np.pad(ppm, ((0, 0), (0, n_missing)))
         if self._turbulence is None or not ppm.any():
             return ppm
-        return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), self.time_s)[:, None]
+        points_m, cutoff_sigma = check_points(points_world_m), float(self._sight.cutoff_sigma)
+        sigma_m = mean_sigma_m_at_points(points_m, build_filament_arrays(self.filaments), cutoff_sigma)
+        return ppm * self._turbulence.gas_factors_at(points_m, sigma_m, self.time_s)[:, None]
 
     def _sum_at(self, points_world_m: NDArray[np.float64], *, is_indexed: bool) -> NDArray[np.float64]:
         filaments, sight = self.filaments, self._sight

@@ -207,6 +207,29 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
 
 
 @numba.njit(cache=True, nogil=True)
+def mean_sigma_m_at_points(points_world_m, filaments, cutoff_sigma):
+    """Return the (m,) mean standard deviation of the filaments at points, by mixing ratio, walls or not [m]; or 0.
+
+    Held by:
+        tests/unit/services/fields/test_mixing_ratio.py
+    """
+    mean_m = np.zeros(points_world_m.shape[0])
+    for p in range(points_world_m.shape[0]):
+        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        total = 0.0
+        for f in range(filaments.sigma_m.shape[0]):
+            fx, fy, fz = filament_position(filaments.position_world_m, f)
+            s = np.float64(filaments.sigma_m[f])
+            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
+            if d2 <= (cutoff_sigma * s) * (cutoff_sigma * s):
+                share = filament_contribution_ppm(filaments.strength_ppm_m3[filaments.source_index[f]], s, d2)
+                total += share
+                mean_m[p] += share * s
+        mean_m[p] /= max(total, 1e-300)
+    return mean_m
+
+
+@numba.njit(cache=True, nogil=True)
 def _first_and_last(coordinate_m, reach_m, origin_m, spacing_m, n):
     # Indices of the first and the last sample point within reach, clipped to the n that there are.
     first = math.ceil((coordinate_m - reach_m - origin_m) / spacing_m)

@@ -40,6 +40,7 @@ from gslcosim_services.fields.models.filament_gas import build_gas_model
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 STEP_TARGET_NS = 25.0
+EDDY_STEP_TARGET_NS = 150.0
 READING_TARGET_US = 5.0
 READING_TARGET_RATIO = 2.0
 PLUME_TARGET_S = 3.0
@@ -166,6 +167,29 @@ def bench_steps(environment):
     )
 
 
+def bench_eddies():
+    """Time that a step takes for each filament of the quickstart's plume, with and without eddies, in turns."""
+    plumes = {}
+    for name, changes in (
+        ("no memory", []),
+        ("given", ["gas.turbulence.kind=given"]),
+        ("wind", ["gas.turbulence.kind=wind", "wind.keep_turbulence=true"]),
+    ):
+        overrides = ["gas.sources[0].filaments_per_s=60", *changes]
+        scenario = load_scenario("warehouse_empty", overrides=overrides).scenario
+        plumes[name] = build_gas_model(scenario, load_environment(prepare_environment(scenario))).plume
+        plumes[name].advance(1500)
+    spent_ns = dict.fromkeys(plumes, 1e9)
+    for _ in range(10):
+        for name, plume in plumes.items():
+            spent_ns[name] = min(spent_ns[name], best_s(lambda plume=plume: plume.advance(40), 2) / 40 / plume.n * 1e9)
+    for name in ("given", "wind"):
+        report_target(
+            f"  a filament's step with eddies ({name}), {spent_ns[name] / spent_ns['no memory']:.1f} times without",
+            spent_ns[name], EDDY_STEP_TARGET_NS, "ns",
+        )  # fmt: skip
+
+
 def bench_warehouse():
     """Time of 500 s of the quickstart's plume."""
     scenario = load_scenario("warehouse_empty").scenario
@@ -274,6 +298,7 @@ def main():
     plume_of(50, environment, age_s=1.0)
     report("step with trilinear wind, eddies and walls:")
     bench_steps(environment)
+    bench_eddies()
     report("reading, plumes in one room (more filaments are denser gas):")
     for n in (3_000, 60_000):
         bench_readings(environment, plume_of(n, environment).filaments, points)

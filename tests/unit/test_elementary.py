@@ -128,11 +128,6 @@ def test_special_pairs_give_what_the_c_library_gives(x, y):
             assert math.copysign(1.0, found) == math.copysign(1.0, expected) or math.isnan(expected)
 
 
-def test_the_logarithm_of_the_gamma_function_is_that_of_mpmath():
-    for x in np.random.default_rng(3).uniform(0.01, 40.0, 500).tolist():
-        assert elementary.lgamma(x) == pytest.approx(float(mpmath.loggamma(x)), rel=1e-14, abs=1e-14)
-
-
 @numba.njit
 def _compiled(x, y):
     return (

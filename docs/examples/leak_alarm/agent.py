@@ -79,8 +79,10 @@ class LeakAlarm(Agent):
         if not self.reports:
             return Command(tick=observation.tick, kind="hold")
         report = self.reports.popleft()
-        command = declaration(observation, (*report.position_m, self.height_m), 1.0)
-        values = {"start_s": report.start_s, "end_s": report.end_s, "rate_m3_s": report.rate_m3_s}
+        certainty = report.certainty
+        command = declaration(observation, (*report.position_m, self.height_m), certainty.confidence)
+        values = {"start_s": report.start_s, "end_s": report.end_s, "margin": certainty.margin}
+        values |= {"rate_m3_s": report.rate_m3_s, "is_upper_bound": float(report.is_upper_bound)}
         known = {name: value for name, value in values.items() if math.isfinite(value)}
         return command.model_copy(update={"note": Note(mode="leak", values=known)})
 

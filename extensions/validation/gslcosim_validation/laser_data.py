@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.laser_sources import PathRecord
 from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics
+from gslcosim_search.fixed_sensors.source_search import BLOCK_S
 from gslcosim_validation.readers.laser_paths import LaserMinutes, LaserPaths
 
 Floats = NDArray[np.float64]
-
-BLOCK_S = 900.0
-"""Minutes of a quarter of an hour share their weather."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +44,7 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
         sensors=SensorPaths.of_beams(np.array(paths.instrument_m), paths.reflectors_m),
         names=tuple(minutes.source for minutes in paths.sources),
         source=source,
+        start_s=joined("clock_s"),
         wind=WindStatistics.of_components(joined("wind_world_m_s"), joined("wind_std_m_s")),
         gas_m3_per_kg=1.0 / (GASES["methane"].molar_mass_kg_mol * moles),
         readings_ppm=joined("beams_ppm"),

@@ -327,6 +327,20 @@ def score_richardson_constant(
     return _bootstrap_rows(separation2_m2, lambda rows: rows.mean(axis=0) / law_m2, histories, seed)
 
 
+def score_mean_ratio(near: F64, far: F64, *, of: float, n_blocks: int = 20, seed: int = SEED) -> Estimate:
+    """Return the ratio of two records' means over a law's, with an interval by drawing blocks with replacement.
+
+    Args:
+        near: (n,) record of the mean above the line.
+        far: (n,) record of the mean below it, of the same times.
+        of: The ratio by the law.
+        n_blocks: See `score_record`.
+    """
+    n = len(near) // n_blocks * n_blocks
+    sums = np.stack([near[:n].reshape(n_blocks, -1).sum(axis=1), far[:n].reshape(n_blocks, -1).sum(axis=1)], axis=1)
+    return _bootstrap_rows(sums, lambda rows: (rows[:, :1].sum(axis=0) / rows[:, 1].sum()) / of, None, seed)[0]
+
+
 def _bootstrap_rows(
     rows: F64, figure: Callable[[F64], F64], histories: NDArray[np.integer] | None, seed: int
 ) -> tuple[Estimate, ...]:

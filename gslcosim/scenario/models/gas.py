@@ -143,7 +143,7 @@ class TurbulenceSpec(KindedSpec):
     everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
     speed, and the integral length `length_m`, but no more than half of the distance between two walls, or the height of
     ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the
-    gas within filaments.
+    gas within filaments as large as the eddies; small filaments have less, and in larger ones it fades.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))
@@ -154,7 +154,7 @@ class TurbulenceSpec(KindedSpec):
     )
     length_m: Positive = Field(default=2.0, description="integral length, about that of the largest eddies")
     inner_intensity: Annotated[float, Field(ge=0, le=3)] = Field(
-        default=0.65, description="standard deviation over mean of gas within filaments"
+        default=1.0, description="standard deviation over mean of gas within large filaments, before it fades"
     )
 
 

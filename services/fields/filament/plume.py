@@ -21,6 +21,7 @@ from gslcosim_services.fields.filament.release import POINT, ReleasePlan, Source
 from gslcosim_services.fields.filament.turbulent_step import N_HELD, move_turbulent_filaments_inplace
 from gslcosim_services.fields.turbulence.air import TurbulentAir
 from gslcosim_services.fields.turbulence.eddies import LargeEddies
+from gslcosim_services.fields.turbulence.wall_faces import find_wall_faces
 
 SPHERE_DRAG = 0.5
 RADIUS_SIGMA = 2.0
@@ -112,7 +113,7 @@ class FilamentTable:
         self.filament_id = np.zeros(capacity, np.int64)
         self.source_index = np.zeros(capacity, np.int32)
         self.own_velocity = np.zeros((capacity, 3))
-        self.held = np.zeros((capacity, N_HELD))
+        self.held = np.zeros((capacity, N_HELD), np.float32)
 
     def keep(self, is_kept: NDArray[np.bool_]) -> int:
         """Keep some of the first n filaments, (n,), in their order, as the first rows; return their number."""
@@ -137,18 +138,25 @@ class FilamentTable:
 
 @dataclass(frozen=True, kw_only=True)
 class ObstacleCells:
-    """Obstacle cells: `occupancy` (nx, ny, nz) uint8 of `Cell`, and `is_open`, see `find_open_cells`."""
+    """Obstacle cells: `occupancy` (nx, ny, nz) uint8 of `Cell`, `is_open`, see `find_open_cells`, and `wall_faces`."""
 
     occupancy: NDArray[np.uint8]
     is_open: NDArray[np.uint8]
+    wall_faces: NDArray[np.uint8]
 
     @classmethod
-    def by_doors(cls, environment: Environment) -> dict[Closed, Self]:
-        """Return the cells at the start and with other doors closed; see `Environment.by_doors`."""
+    def by_doors(cls, environment: Environment, *, has_walls: bool) -> dict[Closed, Self]:
+        """Return the cells at the start and with other doors closed; see `Environment.by_doors`.
+
+        Args:
+            has_walls: Whether walls stop the wind that turbulent air has between cells; none do in air that goes on
+                beyond the grid.
+        """
         found: dict[Closed, Self] = {}
         for closed, room in environment.by_doors().items():
             occupancy = np.ascontiguousarray(room.occupancy, np.uint8)
-            found[closed] = cls(occupancy=occupancy, is_open=find_open_cells(occupancy))
+            walls = find_wall_faces(room) if has_walls else np.zeros(occupancy.shape, np.uint8)
+            found[closed] = cls(occupancy=occupancy, is_open=find_open_cells(occupancy), wall_faces=walls)
         return found
 
 
@@ -267,7 +275,8 @@ class FilamentPlume:
         self._step_s = step_s
         self._growth_m2_s = growth_m2_s
         self._noise_std_m = math.sqrt(2.0 * diffusivity_m2_s * step_s) if noise_std_m is None else noise_std_m
-        self._cells = ObstacleCells.by_doors(environment)
+        has_walls = air is not None and not air.drifts_with_wind
+        self._cells = ObstacleCells.by_doors(environment, has_walls=has_walls)
         self._room = self._cells[AT_START]
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._amount_mol = np.array([source.amount_mol for source in sources])
@@ -399,8 +408,8 @@ class FilamentPlume:
         return move_turbulent_filaments_inplace(
             table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index,
             table.own_velocity, table.held, self._n, self._buoyancy, self._buoyancy_power, wind_m_s,
-            air.nodes_in(wind_m_s), layers, self._room.occupancy, grid.origin_m, grid.cell_m, self._step, self._step_s,
-            n_hold, self._draws.key,
+            air.nodes_in(wind_m_s), layers, self._room.occupancy, self._room.wall_faces, grid.origin_m, grid.cell_m,
+            self._step, self._step_s, n_hold, self._draws.key,
         )  # fmt: skip
 
     def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:

@@ -8,7 +8,6 @@ import numba
 import numpy as np
 
 from gslcosim.base import elementary
-from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.fields.filament.counter_rng import derive_step_key, normal_at
 from gslcosim_services.fields.filament.filament_step import (
     NOT_FINITE,
@@ -23,12 +22,13 @@ from gslcosim_services.fields.turbulence.air import (
 )
 from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
 from gslcosim_services.fields.turbulence.pattern_sums import N_SUMS
+from gslcosim_services.fields.turbulence.wall_faces import wind_beside_walls
 
 # An even change from this share of the velocity at its end carries a filament as far, in the mean square, as noise does
 # that begins at rest: a third of its end's variance times the time's square.
 _FROM_REST = 2.0 / math.sqrt(3.0) - 1.0
-# Columns of `held`, after the velocity of eddies, its change, and that of the filament's own.
-OWN, GROWTH, N_HELD = 9, 10, 11
+# Columns of `held`, after the velocity of eddies, its change, that of the filament's own, and the last wind.
+OWN, GROWTH, N_HELD = 12, 13, 14
 INNER_G = 0.03
 """Part of Richardson's constant that is within a filament: pairs of its molecules part as INNER_G eps t^3."""
 # sigma^2 = (INNER_G / 6) eps t^3 along each axis of a filament that begins as a point.
@@ -93,16 +93,16 @@ def _renew_velocity(x, y, z, u, v, w, p, held, own_velocity, sigma_m, first, air
 @numba.njit(cache=True, nogil=True)
 def move_turbulent_filaments_inplace(
     position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, held, n, source_buoyancy,
-    buoyancy_power, velocity_m_s, air, layers, occupancy, origin_m, cell_m, step, step_s, n_hold, key,
+    buoyancy_power, velocity_m_s, air, layers, occupancy, wall_faces, origin_m, cell_m, step, step_s, n_hold, key,
 ):  # fmt: skip
     """Advance all filaments by one step in turbulent air and drop those that left through an outlet.
 
     dp = (U + u + b / sigma^q) dt + s v dt
     v' = e v + grad(s) T (1 - e) + sqrt(1 - e^2) xi,  e = exp(-h / T),  T its time, see `OWN_SHARE`
 
-    U is the mean wind, u the velocity of the large eddies, which has no divergence; s v is a filament's own velocity.
-    The gradient keeps a well-mixed gas well mixed where the turbulence is uneven. Walls reflect the filament's own part
-    and its velocity.
+    U is the mean wind half way along the step, u the velocity of the large eddies, which has no divergence; s v is a
+    filament's own velocity. The gradient keeps a well-mixed gas well mixed where the turbulence is uneven. Walls
+    reflect the filament's own part and its velocity.
 
     A filament's velocities are renewed each `n_hold` steps, in turns by its number: eddies drift with filaments, so
     what a filament feels changes more slowly than its place. In this time h its s and its growth stay, and u and v go
@@ -115,8 +115,9 @@ def move_turbulent_filaments_inplace(
         filament_id: (>= n,) int64, distinct; reordered.
         source_index: (>= n,) int32 index into the tables of sources; reordered.
         own_velocity: (>= n, 3) velocity v of each filament for itself, in its standard deviations; modified.
-        held: (>= n, N_HELD) velocity u of eddies [m/s] and its change [m/s2], change of v [1/s], standard deviation s
-            of its own velocity [m/s], and growth of sigma [m/s] of each filament, zeros for the newborn; modified.
+        held: (>= n, N_HELD) velocity u of eddies [m/s] and its change [m/s2], change of v [1/s], wind of the
+            step before [m/s], standard deviation s of its own velocity [m/s], and growth of sigma [m/s] of each
+            filament, zeros for the newborn; float32, modified.
         n: Number of filaments.
         source_buoyancy: (n_sources,) coefficient b of the gas's vertical velocity, upward [m^(1 + q)/s].
         buoyancy_power: Its power q of the size.
@@ -124,6 +125,7 @@ def move_turbulent_filaments_inplace(
         air: `AirNodes`.
         layers: Two `EddyLayers`, at the step's start and `n_hold` steps later.
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
+        wall_faces: Of `find_wall_faces`: no wind blows through these.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         step: Number of the step.
@@ -146,7 +148,10 @@ def move_turbulent_filaments_inplace(
     for p in range(n):
         x, y, z = position_world_m[p, 0], position_world_m[p, 1], position_world_m[p, 2]
         dt_s = min(step - birth_steps[p], 1.0) * step_s
-        u, v, w = trilinear_wind(velocity_m_s, origin_m, cell_m, x, y, z)
+        if held[p, OWN] == 0.0:
+            u, v, w = wind_beside_walls(velocity_m_s, wall_faces, origin_m, cell_m, x, y, z)
+        else:
+            u, v, w = held[p, 9], held[p, 10], held[p, 11]
         turn = (step + filament_id[p]) % n_hold
         if dt_s > 0.0 and (turn == 0 or held[p, OWN] == 0.0):
             late_s = step_s - dt_s
@@ -155,14 +160,23 @@ def move_turbulent_filaments_inplace(
                 layers, origin_m, cell_m, (n_hold - turn) * step_s - late_s, n_hold * step_s - late_s, late_s,
                 step_key, sums,
             )  # fmt: skip
-        rise = source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
-        own_m, half_s = held[p, OWN] * dt_s, 0.5 * dt_s
-        ex = own_m * (own_velocity[p, 0] + half_s * held[p, 6])
-        ey = own_m * (own_velocity[p, 1] + half_s * held[p, 7])
-        ez = own_m * (own_velocity[p, 2] + half_s * held[p, 8])
-        dx = (u + held[p, 0] + half_s * held[p, 3]) * dt_s
-        dy = (v + held[p, 1] + half_s * held[p, 4]) * dt_s
-        dz = (w + held[p, 2] + half_s * held[p, 5] + rise) * dt_s
+        own, half_s = held[p, OWN], 0.5 * dt_s
+        ex = own * (own_velocity[p, 0] + half_s * held[p, 6])
+        ey = own * (own_velocity[p, 1] + half_s * held[p, 7])
+        ez = own * (own_velocity[p, 2] + half_s * held[p, 8])
+        dx, dy, dz = (
+            held[p, 0] + half_s * held[p, 3],
+            held[p, 1] + half_s * held[p, 4],
+            held[p, 2] + half_s * held[p, 5],
+        )
+        dz += source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
+        u, v, w = wind_beside_walls(
+            velocity_m_s, wall_faces, origin_m, cell_m, x + half_s * (u + dx + ex), y + half_s * (v + dy + ey),
+            z + half_s * (w + dz + ez),
+        )  # fmt: skip
+        held[p, 9], held[p, 10], held[p, 11] = u, v, w
+        ex, ey, ez = ex * dt_s, ey * dt_s, ez * dt_s
+        dx, dy, dz = (u + dx) * dt_s, (v + dy) * dt_s, (w + dz) * dt_s
         if not math.isfinite((dx + dy + dz) + (ex + ey + ez)):
             return NOT_FINITE
         nx, ny, nz = x + (dx + ex), y + (dy + ey), z + (dz + ez)

@@ -86,7 +86,15 @@ class PointTurbulence:
             points_world_m,
         )
 
-    def gas_factors_at(self, points_world_m: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
-        """Return the (m,) factors of mean one by which gas at points differs from its filaments, at a time >= 0."""
+    def gas_factors_at(
+        self, points_world_m: NDArray[np.float64], sigma_m: NDArray[np.float64], time_s: float
+    ) -> NDArray[np.float64]:
+        """Return the (m,) factors of mean one by which gas at points differs from its filaments, at a time >= 0.
+
+        Args:
+            sigma_m: (m,) size of the filaments there, see `mixing_ratio.mean_sigma_m_at_points`.
+        """
         drift_m_s = self._air.nodes_in(self._wind_at(time_s)).drift_m_s
-        return self._inner.factors_at(points_world_m, time_s, drift_m_s, self._grid.origin_m, self._grid.cell_m)
+        return self._inner.factors_at(
+            points_world_m, sigma_m, time_s, drift_m_s, self._grid.origin_m, self._grid.cell_m
+        )

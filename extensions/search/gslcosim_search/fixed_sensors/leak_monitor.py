@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim_search.fixed_sensors.events import DetectionSettings, LeakEvent, detect_events, find_excess
-from gslcosim_search.fixed_sensors.leak_location import locate_event
+from gslcosim_search.fixed_sensors.leak_location import locate_sources
 from gslcosim_search.fixed_sensors.puff_response import WindRecord
+from gslcosim_search.fixed_sensors.source_search import PlaceCertainty
 
 Floats = NDArray[np.float64]
 
@@ -18,12 +19,17 @@ _MEMORY_S = 86_400.0
 
 @dataclass(frozen=True)
 class LeakReport:
-    """A leak that is over: when, at which place x, y [m], and the release of pure gas [m3/s], nan where unknown."""
+    """A leak that is over: when, at which place x, y [m], and the release of pure gas [m3/s], nan where unknown.
+
+    `is_upper_bound` of the release: it may have been less; `certainty` of the place.
+    """
 
     start_s: float
     end_s: float
     position_m: tuple[float, float]
     rate_m3_s: float
+    is_upper_bound: bool
+    certainty: PlaceCertainty
 
 
 class LeakMonitor:
@@ -94,8 +100,13 @@ class LeakMonitor:
         reports: list[LeakReport] = []
         for event in events:
             self._reported_until_s = event.end_s
-            found = locate_event(event, excess, wind, self._sensors_m, self._places_m, source_height_m=self._height_m)
-            reports.append(LeakReport(event.start_s, event.end_s, found.position_m, found.rate_m3_s))
+            span = event.start_s, event.end_s
+            reports += [
+                LeakReport(*span, found.position_m, found.rate_m3_s, found.is_upper_bound, found.certainty)
+                for found in locate_sources(
+                    event, excess, wind, self._sensors_m, self._places_m, source_height_m=self._height_m
+                )
+            ]
         return reports
 
     def _is_news(self, event: LeakEvent, now_s: float) -> bool:

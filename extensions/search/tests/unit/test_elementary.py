@@ -2,6 +2,7 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -18,6 +19,11 @@ def ulps(found, expected):
 @pytest.mark.parametrize("name", ["tanh", "expm1"])
 def test_functions_of_any_number(name):
     assert ulps(getattr(elementary, f"{name}_each")(NUMBERS), getattr(np, name)(NUMBERS)).max() <= 4.0
+
+
+def test_the_logarithm_of_the_gamma_function_is_that_of_mpmath():
+    for x in np.random.default_rng(3).uniform(0.01, 40.0, 500).tolist():
+        assert elementary.lgamma(x) == pytest.approx(float(mpmath.loggamma(x)), rel=1e-14, abs=1e-14)
 
 
 def test_logarithms():

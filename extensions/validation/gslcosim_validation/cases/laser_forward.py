@@ -28,8 +28,10 @@ def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
     predicted = np.empty_like(laser.readings_ppm)
     for i, minutes in enumerate(paths.sources):
         its = laser.source == i
-        response = plume_responses(laser.sensors, laser.wind_of(i), np.array(minutes.position_m))
-        predicted[its] = minutes.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
+        predicted[its] = 0.0
+        for each in minutes.open_sources:
+            response = plume_responses(laser.sensors, laser.wind_of(i), np.array(each.position_m))
+            predicted[its] += each.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
     background = background_beside_plumes(laser.readings_ppm, predicted, laser.day, negligible_ppm=READING_ERROR_PPM)
     above = laser.readings_ppm - background
     figures: list[Figure] = []

@@ -117,12 +117,13 @@ def measure(box: LeakBox, effort: Effort, progress: Progress) -> Findings:
         leaks.append(_Leak(case, ours, solve_leak(box, case, PASSIVE_CELLS, has_buoyancy=False)))
     late = [leak for leak in leaks if np.isfinite(leak.measured.later).all()]
     rms = float(np.sqrt(np.mean([(leak.ours.at_end - leak.measured.at_end) ** 2 for leak in leaks])))
+    passive = _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE, passive=True)
+    layers = _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE)
     return Findings(
         figures=[
             Figure("mean", _count(leaks, lambda x: x.at_end.mean(), MEAN_SHARE)),
-            Figure("layers", _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE)),
+            Figure("layers", layers, passive=f"{passive.value:.0f} of {passive.n}"),
             Figure("later", _count(late, lambda x: x.later.mean(), MEAN_SHARE)),
-            Figure("passive", _count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE, passive=True)),
             Figure("rms", plain_estimate(rms, len(leaks))),
         ],
         drawings={"profiles": lambda figure: _draw(figure, box, leaks)},

@@ -36,10 +36,13 @@ def measure(network: MastNetwork, effort: Effort, progress: Progress) -> Finding
     predicted = predict_releases(network)
     hour = (network.clock_s // BACKGROUND_S).astype(np.int64)
     beside = background_beside_plumes(network.readings_ppm, predicted, hour, negligible_ppm=NEGLIGIBLE_PPM)
-    backgrounds = {"above the hour's background": beside, "above the 10th percentile of 4 h": _low(network)}
+    backgrounds = {
+        "hour": ("above the hour's background", beside),
+        "low": ("above the 10th percentile of 4 h", _low(network)),
+    }
     figures: list[Figure] = []
     scatter: dict[str, tuple[Floats, Floats]] = {}
-    for name, background in backgrounds.items():
+    for kind_of_background, (name, background) in backgrounds.items():
         p, o, release = _half_hours(network, predicted, network.readings_ppm - background)
         scatter[name] = (p, o)
         kinds = {
@@ -48,8 +51,9 @@ def measure(network: MastNetwork, effort: Effort, progress: Progress) -> Finding
         }
         for kind, pairs in kinds.items():
             for row, agreement in _MEASURES.items():
-                figures.append(Figure(f"{kind}_{row}", agreement_estimate(agreement, *pairs), background=name))
-    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)}, remarks={})
+                ours = agreement_estimate(agreement, *pairs)
+                figures.append(Figure(f"{kind}_{row}", ours, of=kind_of_background, background=name))
+    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)}, remarks={"low": {}})
 
 
 def _low(network: MastNetwork) -> Floats:

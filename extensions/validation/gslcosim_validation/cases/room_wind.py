@@ -84,6 +84,9 @@ def measure(room: RoomProfiles, effort: Effort, progress: Progress) -> Findings:
         u_m_s, cell_m = solve_room(room, cells, has_sides=shape == "three-dimensional")
         found[shape] = {line.name: wind_on_line(u_m_s, cell_m, line) for line in room.lines}
         figures += [_figure(shape, cells, room, line, found[shape][line.name]) for line in room.lines]
+        figures += [
+            _flow_figure(shape, cells, room, line, found[shape][line.name]) for line in room.lines if _is_upright(line)
+        ]
     return Findings(figures=figures, drawings={"lines": lambda figure: _draw(figure, room, found)})
 
 
@@ -94,12 +97,37 @@ def _figure(shape: str, n_cells: int, room: RoomProfiles, line: ProfileLine, our
     return Figure(
         "line",
         plain_estimate(_rms(error), len(error)),
-        of=line.name,
+        of=f"{shape} {line.name}",
         shape=shape,
         n_cells=n_cells,
         line=line.name,
         bias=np.mean(error),
         theirs=", ".join(anchors),
+    )
+
+
+def _is_upright(line: ProfileLine) -> bool:
+    return bool(np.ptp(line.points_m[:, 2]) > np.ptp(line.points_m[:, 0]))
+
+
+# Through an upright line, per metre of width, from its points and still air at floor and ceiling.
+def _flow_m2_s(room: RoomProfiles, line: ProfileLine, u_m_s: NDArray[np.float64]) -> float:
+    order = np.argsort(line.points_m[:, 2])
+    heights_m = np.concatenate(([0.0], line.points_m[order, 2], [room.size_m[2]]))
+    return float(np.trapezoid(np.concatenate(([0.0], u_m_s[order], [0.0])), heights_m))
+
+
+def _flow_figure(shape: str, n_cells: int, room: RoomProfiles, line: ProfileLine, ours: NDArray[np.float64]) -> Figure:
+    theirs = {"measured": line.u_m_s, **line.of_models_m_s}
+    flows = {name: _flow_m2_s(room, line, values) for name, values in theirs.items() if np.isfinite(values).all()}
+    flows["inlet"] = room.inlet_m_s * (room.inlet_z_m[1] - room.inlet_z_m[0])
+    return Figure(
+        "flow",
+        plain_estimate(_flow_m2_s(room, line, ours), len(ours)),
+        shape=shape,
+        n_cells=n_cells,
+        line=line.name,
+        theirs=", ".join(f"{name} {value:.3f}" for name, value in flows.items()),
     )
 
 
@@ -110,7 +138,7 @@ def _rms(values: NDArray[np.float64]) -> float:
 def _draw(figure: Any, room: RoomProfiles, found: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> None:
     axes = figure.subplots(1, len(room.lines))
     for each, line in zip(axes, room.lines, strict=True):
-        is_vertical = np.ptp(line.points_m[:, 2]) > np.ptp(line.points_m[:, 0])
+        is_vertical = _is_upright(line)
         along = line.points_m[:, 2 if is_vertical else 0]
         curves: Sequence[tuple[str, NDArray[np.float64], str]] = [
             ("measured", line.u_m_s, "ko"),

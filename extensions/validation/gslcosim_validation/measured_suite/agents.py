@@ -79,6 +79,9 @@ PLACES_PARAMETER = "places_m"
 """A card with this parameter gets the candidate places of a site, x, y and z of each in one list [m]."""
 START_NOTE, END_NOTE, RATE_NOTE = "start_s", "end_s", "rate_m3_s"
 """Values of a note beside a declaration: since and until when [s of the log], and how much pure gas [m3/s]."""
+BOUND_NOTE, MARGIN_NOTE = "is_upper_bound", "margin"
+"""Further values: not 0 if the rate is an upper bound; how much better the place is than the next, and then the
+declaration's confidence tells whether it is sure."""
 
 DEFAULT_AGENTS: Mapping[str, Mapping[str, Any]] = {
     "particle_filter": {},
@@ -456,6 +459,9 @@ class CarriedSensorsAgent(HindsightEstimator):
             place=place,
             position_m=place_m,
             rate_kg_s=said.get(RATE_NOTE, math.nan) / float(log.gas_m3_per_kg[min(row, len(log.start_s) - 1)]),
+            is_upper_bound=bool(said.get(BOUND_NOTE, 0.0)),
+            margin=said.get(MARGIN_NOTE, math.nan),
+            confidence=command.declaration.confidence if MARGIN_NOTE in said else math.nan,
         )
 
 

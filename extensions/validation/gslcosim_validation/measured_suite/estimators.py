@@ -13,10 +13,11 @@ from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
 from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
-from gslcosim_search.fixed_sensors.laser_sources import PathRecord, build_searches, find_rates_kg_s
-from gslcosim_search.fixed_sensors.leak_location import locate_event
+from gslcosim_search.fixed_sensors.laser_sources import PathRecord, find_sources
+from gslcosim_search.fixed_sensors.leak_location import locate_sources
 from gslcosim_search.fixed_sensors.plume_response import WindStatistics
 from gslcosim_search.fixed_sensors.puff_response import WindRecord
+from gslcosim_search.fixed_sensors.source_search import SURE_SHARE
 from gslcosim_search.maps.kernel_dm import KernelMap, KernelWidths
 from gslcosim_validation.measured_suite.logs import LogRow, LogSite, MeasuredLog
 
@@ -44,7 +45,13 @@ class Claim:
         place: Name of the candidate place; None where there are none, or it does not know.
         position_m: x, y [m]; None where it does not know.
         rate_kg_s: nan where it does not know.
-        source: Where rows say which source is open, which this is about; else -1.
+        source: Where rows say which source is open, which this is about; else -1. Sources that were open together have
+            the same number, and a claim each.
+        is_upper_bound: The rate may have been less: the model gives next to no gas where readings were high, or they
+            are no more than noise.
+        margin: How much better the place is than the next, by the estimator's own measure; nan where it does not say.
+        confidence: Of the place, 0 to 1; nan where it does not say.
+        runner_up: The next place: a candidate's name, or x, y [m]; None where it does not say.
     """
 
     start_s: float
@@ -53,6 +60,15 @@ class Claim:
     position_m: tuple[float, float] | None = None
     rate_kg_s: float = math.nan
     source: int = -1
+    is_upper_bound: bool = False
+    margin: float = math.nan
+    confidence: float = math.nan
+    runner_up: str | tuple[float, float] | None = None
+
+    @property
+    def is_unsure(self) -> bool:
+        """True if the estimator says that another place may as well be it."""
+        return self.confidence < SURE_SHARE
 
 
 class LogEstimator(Protocol):
@@ -110,9 +126,16 @@ class EventEstimator(HindsightEstimator):
             log.start_s, log.wind_world_m_s, self.site.wind_height_m, period_s=self.site.period_s
         )
         return [
-            self.claim(event, excess, wind, float(np.median(log.gas_m3_per_kg[event.first : event.last + 1])))
+            claim
             for event in detect_events(log.start_s, excess)
+            for claim in self.claim_sources(
+                event, excess, wind, float(np.median(log.gas_m3_per_kg[event.first : event.last + 1]))
+            )
         ]
+
+    def claim_sources(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> list[Claim]:
+        """Return the claims of one event, one for each source; by default `claim` alone."""
+        return [self.claim(event, excess, wind, gas_m3_per_kg)]
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return the claim of one event."""
@@ -137,17 +160,26 @@ class LeakNetwork(EventEstimator):
         """Return a claim for each event, or for each source where rows say which is open."""
         return super().claims(log) if self.site.finds_events else _find_sources(self.site, log)
 
-    def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
-        """Return the place whose puffs go best with the readings, and the rate that carries their mean."""
+    def claim_sources(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> list[Claim]:
+        """Return the places whose puffs go best with the readings, and the rates that carry their mean."""
         site = self.site
-        found = locate_event(event, excess, wind, site.sensors_m, site.places_m, source_height_m=self.source_height_m)
-        return Claim(
-            start_s=event.start_s,
-            end_s=event.end_s,
-            place=found.place,
-            position_m=found.position_m,
-            rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
+        sources = locate_sources(
+            event, excess, wind, site.sensors_m, site.places_m, source_height_m=self.source_height_m
         )
+        return [
+            Claim(
+                start_s=event.start_s,
+                end_s=event.end_s,
+                place=found.place,
+                position_m=found.position_m,
+                rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
+                is_upper_bound=found.is_upper_bound,
+                margin=found.certainty.margin,
+                confidence=found.certainty.confidence,
+                runner_up=found.certainty.runner_up,
+            )
+            for found in sources
+        ]
 
 
 class NearestSensor(EventEstimator):
@@ -312,7 +344,7 @@ def split_into_blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int
     return np.split(rows, np.flatnonzero(np.diff(wind.start_s[rows] // AVERAGE_S) > 0) + 1)
 
 
-# Sources that rows tell apart, each at its likeliest place, with rates by backgrounds that the sources of a day share.
+# Sources that rows or their readings tell apart, with rates by backgrounds that the sources of a day share.
 def _find_sources(site: LogSite, log: MeasuredLog) -> list[Claim]:
     needed = (log.wind_world_m_s, log.wind_std_m_s, log.gas_m3_per_kg[:, None])
     usable = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in needed])
@@ -324,6 +356,7 @@ def _find_sources(site: LogSite, log: MeasuredLog) -> list[Claim]:
     record = PathRecord(
         sensors=site.sensors,
         source=source.astype(np.int64),
+        start_s=start_s,
         wind=WindStatistics.of_components(
             np.column_stack([log.wind_world_m_s[usable], np.zeros(len(start_s))]), log.wind_std_m_s[usable]
         ),
@@ -332,17 +365,17 @@ def _find_sources(site: LogSite, log: MeasuredLog) -> list[Claim]:
         day=np.unique(start_s // _DAY_S, return_inverse=True)[1].astype(np.int64),
     )
     height_m = {"source_height_m": site.source_height_m} if math.isfinite(site.source_height_m) else {}
-    searches = build_searches(record, **height_m)
-    places_m = [search.find_best() for search in searches]
-    rates = find_rates_kg_s(record, searches, places_m)
     return [
         Claim(
-            start_s=float(start_s[source == i].min()),
-            end_s=float(start_s[source == i].max()) + site.period_s,
-            position_m=place_m,
-            # Without a reading beside the plume no background is known but that of the fit.
-            rate_kg_s=float(rates[i] if math.isfinite(rates[i]) else search.rate_kg_s(place_m)),
-            source=int(sources[i]),
+            start_s=float(start_s[source == found.source].min()),
+            end_s=float(start_s[source == found.source].max()) + site.period_s,
+            position_m=found.position_m,
+            rate_kg_s=found.rate_kg_s,
+            source=int(sources[found.source]),
+            is_upper_bound=found.is_upper_bound,
+            margin=found.certainty.margin,
+            confidence=found.certainty.confidence,
+            runner_up=found.certainty.runner_up,
         )
-        for i, (search, place_m) in enumerate(zip(searches, places_m, strict=True))
+        for found in find_sources(record, **height_m)
     ]

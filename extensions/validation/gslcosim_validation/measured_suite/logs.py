@@ -250,15 +250,16 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
     )
     releases = tuple(
         TrueRelease(
-            name=minutes.source,
+            name=each.name,
             start_s=float(minutes.clock_s.min()),
             end_s=float(minutes.clock_s.max()) + LASER_PERIOD_S,
             place=None,
-            position_m=np.array(minutes.position_m),
-            rate_kg_s=minutes.rate_kg_s,
+            position_m=np.array(each.position_m),
+            rate_kg_s=each.rate_kg_s,
             source=i,
         )
         for i, minutes in enumerate(paths.sources)
+        for each in minutes.open_sources
     )
     return LogCase(
         name=measured.name,

@@ -14,6 +14,7 @@ from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim_bench.statistics.rates import wilson
 from gslcosim_data.figures.style import new_figure, styled
 from gslcosim_data.text_tables import escape_markdown, format_markdown_table
+from gslcosim_validation.measured_suite.estimators import Claim, is_room
 from gslcosim_validation.results import median_estimate
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 PAGE = "measured.md"
 HEADINGS = (
-    "log", "entry", "touched", "exact", "partly", "false events", "delay [min]", "overlap", "place error [m]",
-    "rate / true rate",
+    "log", "entry", "touched", "exact", "partly", "false events", "unsure", "delay [min]", "overlap",
+    "place error [m]", "rate / true rate",
 )  # fmt: skip
 _HOUR_S = 3600.0
 _DOTS_PER_INCH = 130
@@ -40,6 +41,8 @@ def compute_figures(result: "LogResult") -> dict[str, Any]:
         "n_releases": n,
         "n_events": len(result.score.claims),
         "n_false_events": len(result.score.false_claims),
+        "n_unsure_events": sum(claim.is_unsure for claim in result.score.claims),
+        "n_rates_at_most": sum(claim.is_upper_bound for claim in result.score.claims),
         "touched": wilson(len(touched), n),
         "exact": wilson(sum(each.is_exact for each in scored), n),
         "partly": wilson(sum(each.is_partly for each in scored), n),
@@ -62,12 +65,14 @@ def table_rows(results: Sequence["LogResult"]) -> list[tuple[str, ...]]:
         if result.entry == LOWER_ANCHOR:
             continue
         f = compute_figures(result)
-        n_false = str(f["n_false_events"]) if result.case.site.finds_events else ""
+        n_false = "" if is_room(result.case.site) else str(f["n_false_events"])
+        says = any(math.isfinite(claim.confidence) for claim in result.score.claims)
+        n_unsure = f"{f['n_unsure_events']} of {f['n_events']}" if says else ""
         counts = [_count(f[key]) for key in ("touched", "exact", "partly")]
         delay = f["delay_s"] if result.case.site.finds_events else UNDEFINED
         minutes = Estimate(delay.value / 60.0, delay.low / 60.0, delay.high / 60.0, delay.n)
         medians = [_figure(each) for each in (minutes, f["overlap_frac"], f["place_error_m"], f["rate_ratio"])]
-        rows.append((f["log"], f["entry"], *counts, n_false, *medians))
+        rows.append((f["log"], f["entry"], *counts, n_false, n_unsure, *medians))
     return rows
 
 
@@ -154,9 +159,17 @@ def _describe_claims(result: "LogResult", i: int) -> str:
     ]
     if names := [name for name in dict.fromkeys(names) if name]:
         parts.append("; ".join(names))
+    parts += dict.fromkeys(_describe_doubt(claim) for claim in scored.claims if claim.is_unsure)
     if math.isfinite(scored.rate_ratio):
-        parts.append(f"{scored.rate_ratio:.2f} of the rate")
-    return ": ".join(parts[:2]) + (f", {parts[2]}" if len(parts) > 2 else "")
+        parts.append(f"{'at most ' if scored.is_upper_bound else ''}{scored.rate_ratio:.2f} of the rate")
+    return ", ".join([": ".join(parts[:2]), *parts[2:]])
+
+
+def _describe_doubt(claim: Claim) -> str:
+    if claim.runner_up is None or not math.isfinite(claim.margin):
+        return "unsure"
+    other = claim.runner_up if isinstance(claim.runner_up, str) else _position(claim.runner_up)
+    return f"unsure (next {other}, margin {claim.margin:.2g})"
 
 
 # The upper lane has the truth, each other an entry; colours are places where there is a choice.

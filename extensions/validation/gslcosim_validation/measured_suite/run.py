@@ -269,6 +269,11 @@ def _claim_fields(claim: Claim) -> dict[str, Any]:
         "place": claim.place,
         "position_m": claim.position_m,
         "rate_kg_s": claim.rate_kg_s if math.isfinite(claim.rate_kg_s) else None,
+        "is_upper_bound": claim.is_upper_bound,
+        "is_unsure": claim.is_unsure,
+        "margin": claim.margin if math.isfinite(claim.margin) else None,
+        "confidence": claim.confidence if math.isfinite(claim.confidence) else None,
+        "runner_up": claim.runner_up,
     }
 
 

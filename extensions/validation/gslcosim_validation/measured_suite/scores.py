@@ -19,14 +19,16 @@ class ReleaseScore:
 
     Attributes:
         release: The truth.
-        claims: Events that overlap it by a minute; where rows name the open source, those about it.
-        is_exact: All of them are right about the place.
+        claims: Events that overlap it by a minute; where rows name the open source, the one about it: of several that
+            were open in the same rows, each has the nearest claim that is left.
+        is_exact: All of them are right about the place, but for those that are right about another release that was
+            open at the same time.
         is_partly: One is.
         delay_s: From the start of the release to that of the first such event; 0 if that began before, and where rows
             name the open source.
         overlap_frac: Time that release and events share, over the time that either takes.
         place_error_m: Distance in the plan of the longest event's place from the emission point.
-        rate_ratio: The longest event's rate over the true one.
+        rate_ratio: The longest event's rate over the true one; `is_upper_bound` says that it may be less.
     """
 
     release: TrueRelease
@@ -37,6 +39,7 @@ class ReleaseScore:
     overlap_frac: float
     place_error_m: float
     rate_ratio: float
+    is_upper_bound: bool = False
 
     @property
     def is_touched(self) -> bool:
@@ -75,12 +78,11 @@ def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
         Exact and partly as Daniels, Jia and Hammerling 2024, Elementa, score places; the rest is ours.
     """
     ordered = tuple(sorted(claims, key=lambda claim: (claim.start_s, claim.end_s)))
-    overlaps = [
-        find_overlaps(ordered, release)
+    overlaps = (
+        [find_overlaps(ordered, release) for release in case.releases]
         if case.site.finds_events
-        else [i for i, claim in enumerate(ordered) if claim.source == release.source]
-        for release in case.releases
-    ]
+        else _match_sources(case, ordered)
+    )
     releases = tuple(
         _score_release(case, release, tuple(ordered[i] for i in some))
         for release, some in zip(case.releases, overlaps, strict=True)
@@ -95,11 +97,29 @@ def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
     )
 
 
+# The nearest pair of a claim and a source of the same rows first; a claim without a place comes last.
+def _match_sources(case: LogCase, claims: Sequence[Claim]) -> list[list[int]]:
+    pairs = [
+        (np.nan_to_num(_distance_m(release, claim), nan=np.inf), r, c)
+        for r, release in enumerate(case.releases)
+        for c, claim in enumerate(claims)
+        if claim.source == release.source
+    ]
+    found: list[list[int]] = [[] for _ in case.releases]
+    taken: set[int] = set()
+    for _, r, c in sorted(pairs):
+        if not found[r] and c not in taken:
+            found[r].append(c)
+            taken.add(c)
+    return found
+
+
 def _score_release(case: LogCase, release: TrueRelease, claims: tuple[Claim, ...]) -> ReleaseScore:
-    right = [_is_right(case, release, claim) for claim in claims]
+    own = [claim for claim in claims if not _is_of_another(case, release, claim)]
+    right = [_is_right(case, release, claim) for claim in own]
     # Without places to choose from one event near the source is enough: the others are repeated estimates of it.
     is_choice = release.place is not None
-    longest = max(claims, key=lambda claim: claim.end_s - claim.start_s) if claims else None
+    longest = max(own or claims, key=lambda claim: claim.end_s - claim.start_s) if claims else None
     return ReleaseScore(
         release=release,
         claims=claims,
@@ -109,6 +129,7 @@ def _score_release(case: LogCase, release: TrueRelease, claims: tuple[Claim, ...
         overlap_frac=_overlap_frac(release, claims) if case.site.finds_events else math.nan,
         place_error_m=math.nan if longest is None else _distance_m(release, longest),
         rate_ratio=math.nan if longest is None else longest.rate_kg_s / release.rate_kg_s,
+        is_upper_bound=longest is not None and longest.is_upper_bound,
     )
 
 
@@ -122,6 +143,15 @@ def _is_right(case: LogCase, release: TrueRelease, claim: Claim) -> bool:
     if release.place is not None:
         return claim.place == release.place
     return _distance_m(release, claim) <= case.within_m
+
+
+# Of a release that was open at the same time, somewhere else.
+def _is_of_another(case: LogCase, release: TrueRelease, claim: Claim) -> bool:
+    return not _is_right(case, release, claim) and any(
+        _is_right(case, other, claim) and find_overlaps([claim], other)
+        for other in case.releases
+        if min(other.end_s, release.end_s) - max(other.start_s, release.start_s) >= OVERLAP_S
+    )
 
 
 def _distance_m(release: TrueRelease, claim: Claim) -> float:

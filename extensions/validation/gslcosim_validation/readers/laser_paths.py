@@ -1,5 +1,6 @@
-"""Lasers over a field: `layout.json`, `minutes_source_*.csv` (seven beams at Chilbolton), one source a file."""
+"""Lasers over a field: `layout.json`, `minutes_source_*.csv`, each of sources that were open together (Chilbolton)."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,13 +13,26 @@ from gslcosim_validation.readers.documents import Document, read_document
 
 # Wind directions scatter by no more than this.
 _MAX_TAN_GAMMA = 10.0
+_BEAM = re.compile(r"ch4_beam_(?P<number>\d+)_ppm")
+# Of a source of the layout: the minutes in which it was open, if they have not its name.
+_MINUTES = "minutes"
+
+
+@dataclass(frozen=True)
+class OpenSource:
+    """The truth of one source: its name, `position_m` and `rate_kg_s`."""
+
+    name: str
+    position_m: Vec3
+    rate_kg_s: float
 
 
 @dataclass(frozen=True)
 class LaserMinutes:
-    """Readings of one source, a row a minute; the clock may leap between releases.
+    """Readings of one source, or of several that were open together, a row a minute; the clock may leap.
 
-    `source` its name; `position_m`, `rate_kg_s` the truth; `release` (n,) which release a row belongs to; `clock_s`
+    `source` name of these minutes, mostly that of their source; `position_m`, `rate_kg_s` the truth of it, and of the
+    first where several were open; `beside` the others; `release` (n,) which release a row belongs to; `clock_s`
     (n,) [s since 1970]; `beams_ppm` (n, k) mean mixing ratio along each beam; `wind_world_m_s` (n, 3) and
     `wind_std_m_s` (n, 3) mean and standard deviation within the minute; `temperature_k`, `pressure_pa` (n,).
     `tan_gamma_horizontal`, `tan_gamma_vertical` (n,): scatter of the wind's direction as published, nan where absurd.
@@ -36,6 +50,13 @@ class LaserMinutes:
     pressure_pa: NDArray[np.float64]
     tan_gamma_horizontal: NDArray[np.float64]
     tan_gamma_vertical: NDArray[np.float64]
+    beside: tuple[OpenSource, ...] = ()
+    first_name: str = ""
+
+    @property
+    def open_sources(self) -> tuple[OpenSource, ...]:
+        """All sources that were open."""
+        return (OpenSource(self.first_name or self.source, self.position_m, self.rate_kg_s), *self.beside)
 
     @property
     def day(self) -> NDArray[np.int64]:
@@ -55,34 +76,61 @@ class LaserPaths:
 def read_laser_paths(folder: Path) -> LaserPaths:
     """Return the set in a folder."""
     layout = read_document(folder / "layout.json")
-    names = sorted(layout.block("reflectors_m"), key=lambda name: int(name.rsplit("_", 1)[-1]))
+    reflectors_m = {_number(layout, name): layout.vector("reflectors_m", name) for name in layout.block("reflectors_m")}
     files = sorted(folder.glob("minutes_source_*.csv*"))
     return LaserPaths(
         instrument_m=layout.vector("instrument_m"),
-        reflectors_m=np.array([layout.vector("reflectors_m", name) for name in names]),
-        sources=tuple(_read_source(path, layout, len(names)) for path in files),
+        reflectors_m=np.array([reflectors_m[number] for number in sorted(reflectors_m)]),
+        sources=tuple(_read_source(path, layout, sorted(reflectors_m)) for path in files),
     )
 
 
-def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
-    table = read_columns(path)
-    source = path.name.removeprefix("minutes_").split(".")[0]
-    if source not in layout.block("sources"):
+# Of a reflector, by which its beam is known.
+def _number(layout: Document, name: str) -> int:
+    end = name.rsplit("_", 1)[-1]
+    if not end.isdecimal():
+        remedy = "Number it as its beam, ch4_beam_N_ppm, is."
+        raise build_error(layout.path, "reflectors_m", expected="names that end with _N", found=name, remedy=remedy)
+    return int(end)
+
+
+# Those whose name or `minutes` is that of the file.
+def _sources_of(path: Path, layout: Document) -> tuple[str, tuple[OpenSource, ...]]:
+    minutes = path.name.removeprefix("minutes_").split(".")[0]
+    listed = layout.block("sources")
+    names = [name for name in listed if (layout.get("sources", name, _MINUTES) or name) == minutes]
+    if not names:
         raise build_error(
             layout.path,
             "sources",
-            expected=f"{source}, of which {path.name} has readings",
-            found=", ".join(layout.block("sources")),
-            remedy="Take the layout of the same campaign.",
+            expected=f"{minutes}, of which {path.name} has readings",
+            found=", ".join(listed),
+            remedy="Take the layout of the same campaign, or rename the file or the source so that they agree; where "
+            f'sources were open together, give each of them "{_MINUTES}": "{minutes}".',
         )
-    beams = [name for name in table.texts if name.startswith("ch4_beam_")]
-    names = [f"ch4_beam_{i + 1}_ppm" for i in range(n_beams)]
-    if len(beams) != n_beams:
-        found = f"{len(beams)} columns ch4_beam_*_ppm"
-        raise build_error(path, "", expected=f"{n_beams} beams, one for each reflector", found=found)
-    beams_ppm = table.matrix(names, allow_gaps=True)
-    for name, values in zip(names, beams_ppm.T, strict=True):
-        table.require_ppm(name, values)
+    return minutes, tuple(
+        OpenSource(name, layout.vector("sources", name, "place_m"), layout.number("sources", name, "rate_kg_s"))
+        for name in names
+    )
+
+
+def _read_source(path: Path, layout: Document, beams: list[int]) -> LaserMinutes:
+    table = read_columns(path)
+    minutes, (first, *beside) = _sources_of(path, layout)
+    found = {int(each["number"]): each.string for name in table.texts if (each := _BEAM.fullmatch(name))}
+    names = [f"ch4_beam_{number}_ppm" for number in beams]
+    if unknown := [name for number, name in found.items() if number not in beams]:
+        remedy = "Add its reflector to layout.json, or leave the column out."
+        raise build_error(
+            path, "", expected=f"beams with a reflector ({', '.join(names)})", found=", ".join(unknown), remedy=remedy
+        )
+    # A beam without a column read nothing; one in another unit is told.
+    is_there = [any(each.startswith(name.removesuffix("ppm")) for each in table.texts) for name in names]
+    if not any(is_there):
+        table.require(names)
+    beams_ppm = np.full((table.n_rows, len(beams)), np.nan)
+    for k in np.flatnonzero(is_there).tolist():
+        beams_ppm[:, k] = table.require_ppm(names[k], table.numbers(names[k], allow_gaps=True))
     release = np.array(table.words("release"))
     clock_s = table.clock_s("clock_time")
     for name in dict.fromkeys(release.tolist()):
@@ -92,9 +140,9 @@ def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
             row = int(rows[back[0] + 1])
             raise table.error("clock_time", row, "a later time than before", "an earlier one", "Sort the rows by time.")
     return LaserMinutes(
-        source=source,
-        position_m=layout.vector("sources", source, "place_m"),
-        rate_kg_s=layout.number("sources", source, "rate_kg_s"),
+        source=minutes,
+        position_m=first.position_m,
+        rate_kg_s=first.rate_kg_s,
         release=release,
         clock_s=clock_s,
         beams_ppm=beams_ppm,
@@ -104,6 +152,8 @@ def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
         pressure_pa=table.numbers("pressure_pa", allow_gaps=True),
         tan_gamma_horizontal=_scatter(table, "tan_gamma_horizontal"),
         tan_gamma_vertical=_scatter(table, "tan_gamma_vertical"),
+        beside=tuple(beside),
+        first_name=first.name,
     )
 
 

@@ -84,9 +84,11 @@ def read_mast_network(folder: Path) -> MastNetwork:
             "",
             expected=f"readings of the masts of site.json ({', '.join(sorted(known))})",
             found=", ".join(sorted(set(masts) - set(known))),
-            remedy="Take the site.json of the same campaign.",
+            remedy="Take the site.json of the same campaign, or give these masts there the names that they have here.",
         )
-    minutes.require([f"ch4_{name}_ppm" for name in known])
+    # A mast without a column read nothing; one in another unit is told.
+    is_there = [any(name.startswith(f"ch4_{mast}_") for name in minutes.texts) for mast in known]
+    minutes.require([f"ch4_{mast}_ppm" for mast, is_read in zip(known, is_there, strict=True) if is_read])
     readings_ppm = minutes.matrix([f"ch4_{name}_ppm" for name in masts], allow_gaps=True)
     for name, values in zip(masts, readings_ppm.T, strict=True):
         minutes.require_ppm(f"ch4_{name}_ppm", values)
@@ -132,7 +134,8 @@ def _read_releases(
     for i, place in enumerate(places):
         if place is not None and place not in places_m:
             listed = ", ".join(places_m)
-            raise table.error("place", i, f"one of {listed}", place, "Take the site.json of the same campaign.")
+            remedy = "Take the site.json of the same campaign, or give the place there the name that it has here."
+            raise table.error("place", i, f"one of {listed}", place, remedy)
         if ends[i] <= starts[i]:
             raise table.error("end_utc", i, "an end after the start", table.texts["end_utc"][i], "Swap the two.")
         if rates[i] <= 0.0:

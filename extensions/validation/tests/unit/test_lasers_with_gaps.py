@@ -4,19 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from laser_minutes import INSTRUMENT_M, M3_PER_KG, RATE_KG_S, REFLECTORS_M, TRUE_M, N, make_minutes
 
-from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.laser_sources import build_searches, find_rates_kg_s
-from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics, plume_responses
+from gslcosim_search.fixed_sensors.plume_response import SensorPaths
 from gslcosim_validation.laser_data import collect_laser_rows
 from gslcosim_validation.measured_suite.estimators import ENTRIES
 from gslcosim_validation.measured_suite.logs import LogSite, MeasuredLog
-from gslcosim_validation.readers.laser_paths import LaserMinutes, LaserPaths
-
-INSTRUMENT_M = (30.0, 0.0, 1.6)
-REFLECTORS_M = np.array([[5.0, 40.0, 1.6], [30.0, 45.0, 1.6], [55.0, 40.0, 1.6], [45.0, 20.0, 1.6]])
-TRUE_M, RATE_KG_S, N = (27.0, 22.0, 0.3), 4e-4, 300
-TEMPERATURE_K, PRESSURE_PA = 285.0, 101_000.0
+from gslcosim_validation.readers.laser_paths import LaserPaths
 
 
 def drop_in_turn(readings_ppm):
@@ -37,34 +32,6 @@ def drop_nothing(readings_ppm):
 
 
 GAPS = [drop_nothing, drop_in_turn, drop_a_beam, drop_at_random]
-
-
-def make_minutes(drop):
-    """Return minutes of a leak, with gaps in what the beams read."""
-    rng = np.random.default_rng(1)
-    angle, speed = rng.uniform(0.0, 2.0 * np.pi, N), rng.uniform(1.5, 4.0, N)
-    mean = np.stack([speed * np.cos(angle), speed * np.sin(angle), np.zeros(N)], axis=1)
-    std = speed[:, None] * np.array([0.2, 0.2, 0.12])
-    sensors = SensorPaths.of_beams(np.array(INSTRUMENT_M), REFLECTORS_M)
-    wind = WindStatistics.of_components(mean, std)
-    m3_per_kg = 1.0 / (GASES["methane"].molar_mass_kg_mol * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
-    beams_ppm = 2.0 + RATE_KG_S * m3_per_kg * plume_responses(sensors, wind, np.array(TRUE_M))
-    beams_ppm += rng.normal(0.0, 0.02, beams_ppm.shape)
-    drop(beams_ppm)
-    return LaserMinutes(
-        source="leak",
-        position_m=TRUE_M,
-        rate_kg_s=RATE_KG_S,
-        release=np.full(N, "one"),
-        clock_s=60.0 * np.arange(N),
-        beams_ppm=beams_ppm,
-        wind_world_m_s=mean,
-        wind_std_m_s=std,
-        temperature_k=np.full(N, TEMPERATURE_K),
-        pressure_pa=np.full(N, PRESSURE_PA),
-        tan_gamma_horizontal=np.full(N, np.nan),
-        tan_gamma_vertical=np.full(N, np.nan),
-    )
 
 
 @pytest.mark.parametrize("drop", GAPS)
@@ -90,13 +57,12 @@ def test_the_leak_network_finds_a_leak_beside_gaps(drop):
         finds_events=False,
         wind_height_m=2.0,
     )
-    m3_per_kg = 1.0 / (GASES["methane"].molar_mass_kg_mol * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
     log = MeasuredLog(
         start_s=minutes.clock_s,
         readings_ppm=minutes.beams_ppm,
         wind_world_m_s=minutes.wind_world_m_s[:, :2],
         wind_std_m_s=minutes.wind_std_m_s,
-        gas_m3_per_kg=np.full(N, m3_per_kg),
+        gas_m3_per_kg=np.full(N, M3_PER_KG),
         source=np.zeros(N, np.int64),
     )
     network = next(entry for entry in ENTRIES if entry.name == "leak_network")
