@@ -231,7 +231,8 @@ def simulate_readings(
             }
         ],
         "step_s": STEP_S,
-        # Within filaments that are minutes old, gas is mixed; theirs does not fade.
+        # Gas within filaments that are minutes old is mixed. A run with an inner fluctuation that fades as they grow is
+        # still to be made.
         "turbulence": {"kind": "wind", "inner_intensity": 0.0},
         "wall_images": True,
         # A few tens of ppm are no heavier than air a hundredth of a kelvin colder.
