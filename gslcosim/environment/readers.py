@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.extensions import GEOMETRY_GROUP, find_remedy, list_registered
@@ -18,10 +18,14 @@ from gslcosim.environment.model import EnvironmentGeometry, WindFrames
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.models.wind import WindSpec
 
+if TYPE_CHECKING:
+    from gslcosim.flow.buoyancy import BuoyantScalar
+
 Registered = TypeVar("Registered")
 # Kinds of wind that extensions bring.
 FOREIGN_WINDS = ("file", "openfoam")
 Progress = Callable[[str, float], None]
+_HEAT = "environment.heat"
 _READERS = EntryPoints(group=GEOMETRY_GROUP, what="reader")
 
 
@@ -83,6 +87,13 @@ def find_wind_source(kind: str) -> WindSource:
     return _load(f"wind.solver.{kind}", as_callable)
 
 
+def find_heat_builder(
+    spec: EnvironmentSpec,
+) -> "Callable[[EnvironmentSpec, EnvironmentGeometry], BuoyantScalar] | None":
+    """Return what builds the heat that drives the wind of a room, from an extension; None where it has no heat."""
+    return None if getattr(spec, "heat", None) is None else _load(_HEAT, as_callable)
+
+
 def as_callable(offered: object) -> Callable[..., Any] | None:
     """Return a function of an extension; None where it is something else."""
     return offered if callable(offered) else None
@@ -96,6 +107,7 @@ def name_room_key(spec: EnvironmentSpec) -> str:
 def list_reader_keys(spec: EnvironmentSpec, wind: SolverSpec) -> list[str]:
     """Return the keys of all readers that an environment with its wind needs."""
     keys = [] if spec.layout is not None or spec.path is not None else [name_room_key(spec)]
+    keys += [] if getattr(spec, "heat", None) is None else [_HEAT]
     if spec.path is None and isinstance(wind, WindSpec) and wind.kind_name in FOREIGN_WINDS:
         keys.append(f"wind.solver.{wind.kind_name}")
     return keys

@@ -1,13 +1,13 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Buoyancy: a gas or heat that the wind carries and that drives it, releases in a closed box, and small holes.
+"""Buoyancy: a gas or heat that the wind carries and that drives it, its releases and warm surfaces, and small holes.
 
 The density enters the momentum equation only (Boussinesq): air moves up with b = g' s, s the volume fraction of the gas
 or the excess temperature. Padding and index order are those of `pressure`; the scalar is at cell centres.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -19,10 +19,11 @@ from gslcosim.base import elementary
 from gslcosim.base.errors import FlowError
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.flow.domain import Domain
-from gslcosim.flow.patches import Outlet, Patch, place_patch
+from gslcosim.flow.patches import Outlet
 from gslcosim.flow.pressure import F32, HIGH, LOW, padded
-from gslcosim.flow.turbulence import KEpsilon, TurbulenceModel, Velocity, transport_scalar
+from gslcosim.flow.turbulence import KEpsilon, Laminar, TurbulenceModel, Velocity, transport_scalar
 
+Floats = NDArray[np.float64]
 AIR_KG_M3 = 1.2
 AIR_K = 293.0
 HEAT_M2_S = 2.1e-5
@@ -42,15 +43,23 @@ _INNER = (slice(LOW, -HIGH),) * 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class FixedWall:
-    """A part of the box's boundary where the scalar has a given value, a flat box in the grid's frame [m].
+class Surface:
+    """A part of a wall, floor, ceiling or obstacle that gives off the scalar: a flat box in the grid's frame [m].
 
-    It exchanges the scalar by molecular diffusion over half a cell: cells must resolve the layer at the wall.
+    Attributes:
+        scalar_m3_s: Scalar times volume per time that it gives off evenly [unit m3/s]. With a `value` an estimate, from
+            which solves derive how long statistics take to settle.
+        value: Of the scalar at it; None: it gives off `scalar_m3_s` whatever the air.
+        find_exchange_m_s: Returns the flux over the excess of the value from (n,) excesses over the air of the cells,
+            (n,) factors of their wall friction [m/s], and 1, -1 or 0 for air above, below or beside it. Molecular
+            diffusion over half a cell is the least, and all of it in laminar flow, whose cells resolve the layer.
     """
 
     min_m: Vec3
     max_m: Vec3
-    value: float
+    scalar_m3_s: float = 0.0
+    value: float | None = None
+    find_exchange_m_s: Callable[[Floats, Floats, int], Floats] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +106,7 @@ class BuoyantScalar:
         turbulent_schmidt: Eddy viscosity over eddy diffusivity.
         density_ratio: Density of the pure gas over that of air, for flow through holes; 1 for heat.
         start: Value at the start.
-        walls: Boundaries with a fixed value.
+        surfaces: Surfaces that give it off or take it up.
         releases: Sources.
         orifices: Holes, in a box without inlet and outlet only.
     """
@@ -107,7 +116,7 @@ class BuoyantScalar:
     turbulent_schmidt: float = TURBULENT_SCHMIDT
     density_ratio: float = 1.0
     start: float = 0.0
-    walls: Sequence[FixedWall] = ()
+    surfaces: Sequence[Surface] = ()
     releases: Sequence[Release] = ()
     orifices: Sequence[Orifice] = ()
 
@@ -275,6 +284,58 @@ def rise_of_plume(ambient, first_m, cell_m, volume, scalar, momentum, accelerati
     return ambient.shape[0] - 1, volume, scalar
 
 
+def find_surface_cells(
+    min_m: Vec3, max_m: Vec3, air: NDArray[np.bool_], cell_m: float
+) -> tuple[NDArray[np.int64], int]:
+    """Find the cells of padded `air` beside a solid whose centres a flat box covers, by its corners, grid's frame [m].
+
+    Returns:
+        (n,) flat padded indices, and 1 where the air is above the solid, -1 below it, 0 beside it.
+
+    Raises:
+        FlowError: there is no such cell.
+    """
+    axis = int(np.argmin(np.subtract(max_m, min_m)))
+    covered: list[NDArray[np.bool_]] = []
+    for low_m, high_m, n in zip(min_m, max_m, air.shape):
+        centres_m = (np.arange(n) - LOW + 0.5) * cell_m
+        covered.append((centres_m >= low_m - 1e-6) & (centres_m <= high_m + 1e-6))
+    first = LOW + round(min_m[axis] / cell_m)
+    for inwards, inside in ((1, first), (-1, first - 1)):
+        covered[axis] = np.arange(air.shape[axis]) == inside
+        beside = air & ~np.roll(air, inwards, axis=axis)
+        cells = np.flatnonzero(beside & covered[0][:, None, None] & covered[1][:, None] & covered[2])
+        if cells.size:
+            return cells, inwards if axis == 2 else 0
+    raise FlowError(
+        f"surface from {min_m} to {max_m} m: expected a flat box on a wall, the floor, the ceiling or an obstacle that "
+        f"covers the centre of a cell of {cell_m:g} m, was none."
+    )
+
+
+class _PlacedSurface:
+    # A surface with the cells of air beside it, without those behind openings, and their places among the wall cells.
+    def __init__(self, surface: Surface, domain: Domain) -> None:
+        beside, self._upward = find_surface_cells(surface.min_m, surface.max_m, domain.air, domain.cell_m)
+        self._cells = np.intersect1d(beside, domain.friction.cells)
+        self._owners = np.searchsorted(domain.friction.cells, self._cells)
+        self._surface, self._cell_m = surface, domain.cell_m
+        self.scalar_m3_s = surface.scalar_m3_s / max(self._cells.size, 1)
+
+    # Add to `new` what the surface gives to each cell.
+    def give(self, old: F32, new: F32, model: TurbulenceModel, diffusivity_m2_s: float, dt_s: float) -> None:
+        surface, cell_m = self._surface, self._cell_m
+        given: Any = dt_s * self.scalar_m3_s / (cell_m * cell_m * cell_m)
+        if surface.value is not None:
+            excess = surface.value - old.reshape(-1)[self._cells].astype(np.float64)
+            exchange_m_s: Any = 2 * diffusivity_m2_s / cell_m
+            if surface.find_exchange_m_s is not None and not isinstance(model, Laminar):
+                wall_m_s = surface.find_exchange_m_s(excess, model.friction_m_s[self._owners], self._upward)
+                exchange_m_s = np.maximum(exchange_m_s, wall_m_s)
+            given = dt_s / cell_m * exchange_m_s * excess
+        new.reshape(-1)[self._cells] += np.float32(given)
+
+
 class _Plume:
     # A release that rises as a plume through the block of cells around its column.
     def __init__(self, release: Release, area_m2: float, cell: tuple[int, int, int], domain: Domain) -> None:
@@ -336,17 +397,14 @@ class Buoyancy:
     """State of a buoyant scalar in a domain: its values, the flow through its holes, and its effect on the wind."""
 
     def __init__(self, domain: Domain, scalar: BuoyantScalar) -> None:
-        """Place walls, releases and holes on the grid."""
+        """Place surfaces, releases and holes on the grid."""
         self.scalar = scalar
-        self._domain = domain
+        self._domain, self._height_m = domain, domain.shape[2] * domain.cell_m
         self.values = np.where(domain.air, np.float32(scalar.start), np.float32(0))
         self.source_m_s: F32 | None = None
         self._next = padded(domain.shape)
         self._stratification = padded(domain.shape)
-        free = domain.air[_INNER]
-        self._walls = [
-            place_patch(Patch(min_m=wall.min_m, max_m=wall.max_m), free, domain.cell_m) for wall in scalar.walls
-        ]
+        self._surfaces = [_PlacedSurface(surface, domain) for surface in scalar.surfaces]
         placed = [(_cell_of(r.position_m, domain, "release"), r) for r in scalar.releases]
         self._releases = [(cell, release) for cell, release in placed if release.area_m2 is None]
         self._plumes = [_Plume(r, r.area_m2, cell, domain) for cell, r in placed if r.area_m2 is not None]
@@ -364,21 +422,26 @@ class Buoyancy:
         self._find_flows()
 
     @property
+    def turnover_m_s(self) -> float:
+        """Return the scale of the speeds at which what is released turns the air over, (g' Q / H)^(1/3) [m/s]."""
+        released = sum(abs(r.scalar_m3_s) for r in (*self.scalar.releases, *self.scalar.surfaces))
+        return elementary.cbrt(abs(self.scalar.buoyancy_m_s2) * released / self._height_m)
+
+    @property
     def speed_m_s(self) -> float:
-        """Return the scale of the driven speeds [m/s]: (g' ds H)^(1/2) of walls, (g' Q / H)^(1/3) of releases."""
-        scalar, height_m = self.scalar, self._domain.shape[2] * self._domain.cell_m
-        values = [scalar.start, 0.0, *(wall.value for wall in scalar.walls)]
-        released = abs(scalar.buoyancy_m_s2 * sum(r.scalar_m3_s for r in scalar.releases))
-        by_walls = math.sqrt(abs(scalar.buoyancy_m_s2) * (max(values) - min(values)) * height_m)
-        return max(by_walls, elementary.cbrt(released / height_m))
+        """Return the scale of the largest driven speeds [m/s]: also (g' ds H)^(1/2) of values."""
+        values = [self.scalar.start, 0.0, *(surface.value or 0.0 for surface in self.scalar.surfaces)]
+        by_values = math.sqrt(abs(self.scalar.buoyancy_m_s2) * (max(values) - min(values)) * self._height_m)
+        return max(by_values, self.turnover_m_s)
 
     def longest_step_s(self) -> float:
         """Return the longest time step that its accelerations and volumes allow [s]."""
         scalar, cell_m = self.scalar, self._domain.cell_m
         pull_m_s2 = abs(scalar.buoyancy_m_s2) * float(largest_step(self.values, self._domain.air))
         limits = [_STEP_SHARE * math.sqrt(cell_m / pull_m_s2)] if pull_m_s2 > 0 else []
-        for _, release in self._releases:
-            pull_m4_s3 = self._emission * abs(scalar.buoyancy_m_s2 * release.scalar_m3_s)
+        released = [self._emission * r.scalar_m3_s for _, r in self._releases]
+        for scalar_m3_s in (*released, *(surface.scalar_m3_s for surface in self._surfaces)):
+            pull_m4_s3 = abs(scalar.buoyancy_m_s2 * scalar_m3_s)
             limits += [elementary.cbrt(cell_m * cell_m * cell_m * cell_m / pull_m4_s3)] if pull_m4_s3 > 0 else []
         flows = [float(flow) for flow in (*self.outflow_m3_s, *self.inflow_m3_s)]
         flows += [plume.largest_m3_s for plume in self._plumes]
@@ -413,10 +476,8 @@ class Buoyancy:
             fraction = min(dt_s * outward / volume_m3, 1.0)
             new[cell] -= np.float32(fraction) * self.values[cell]
             self.escaped_m3 += fraction * volume_m3 * float(self.values[cell])
-        for placed, wall in zip(self._walls, scalar.walls):
-            fraction = np.float32(2 * scalar.diffusivity_m2_s * dt_s / (cell_m * cell_m))
-            here = placed.layer(placed.inside)
-            new[here] += fraction * (np.float32(wall.value) - self.values[here]) * domain.air[here]
+        for placed in self._surfaces:
+            placed.give(self.values, new, model, scalar.diffusivity_m2_s, dt_s)
         new[~domain.air] = 0
         self.values, self._next = new, self.values
         self._find_flows()

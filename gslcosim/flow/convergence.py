@@ -200,7 +200,7 @@ class ConvergenceResult:
         )
 
 
-def settling_window_s(domain: Domain) -> float:
+def settling_window_s(domain: Domain, driven_m_s: float = 0.0) -> float:
     """Return the window that the flow's statistics need: the time in which the inlets' momentum turns the room over.
 
     t = V^(2/3) / sqrt(M),  M = sum Q_i U_i      at least L / U (longest side), at most V / Q (one change of air)
@@ -208,7 +208,8 @@ def settling_window_s(domain: Domain) -> float:
 
     A jet of momentum flux M drives a room of cross-section A = V^(2/3) at about sqrt(M / A), and A^(1/2) over that
     speed is t. In a duct without other air it is the flow-through time. Our derivation; with repeating inlets the
-    window is rounded up to a whole number of the longest period.
+    window is rounded up to a whole number of the longest period. `driven_m_s` is the scale of speeds that heat drives
+    [m/s]: U where it is faster than the inlets.
     """
     volume_m3 = domain.n_air * (domain.cell_m * domain.cell_m * domain.cell_m)
     flows_m3_s, momentum_m4_s2 = [0.0], 0.0
@@ -217,7 +218,7 @@ def settling_window_s(domain: Domain) -> float:
         speed_m_s = placed.inflow.typical_speed_m_s
         flows_m3_s.append(placed.n_cells * (domain.cell_m * domain.cell_m) * speed_m_s)
         momentum_m4_s2 += flows_m3_s[-1] * speed_m_s
-    crossing_s = max(domain.shape) * domain.cell_m / max(domain.reference_speed_m_s, 1e-6)
+    crossing_s = max(domain.shape) * domain.cell_m / max(domain.reference_speed_m_s, driven_m_s, 1e-6)
     if momentum_m4_s2 == 0:
         return crossing_s
     turnover_s = elementary.pow(volume_m3, 2.0 / 3.0) / math.sqrt(momentum_m4_s2)
@@ -251,7 +252,13 @@ class ConvergenceMonitor:
     """
 
     def __init__(
-        self, domain: Domain, *, tolerance_frac: float, coarse_start_s: float = 0.0, max_time_s: float = math.inf
+        self,
+        domain: Domain,
+        *,
+        tolerance_frac: float,
+        coarse_start_s: float = 0.0,
+        max_time_s: float = math.inf,
+        driven_m_s: float = 0.0,
     ) -> None:
         """Start to monitor a flow at its time 0.
 
@@ -259,11 +266,12 @@ class ConvergenceMonitor:
             tolerance_frac: Largest change of the mean wind that counts as settled.
             coarse_start_s: Time of development before, on cells of twice the size [s].
             max_time_s: Time limit of the solve [s]; for a developed flow two windows fit into it.
+            driven_m_s: Scale of the speeds that heat drives [m/s].
         """
         self._domain = domain
         self._tolerance_frac = tolerance_frac
         self._coarse_start_s = coarse_start_s
-        self._window_s = settling_window_s(domain)
+        self._window_s = settling_window_s(domain, driven_m_s)
         from_s = max((p.inflow.steady_from_s for p in domain.inlets if p.inflow), default=0.0)
         if coarse_start_s:
             from_s = ADAPTATION_FRAC * min(self._window_s, max_time_s)

@@ -29,6 +29,8 @@ from gslcosim.flow.turbulence import KEpsilon, Velocity, make_model, still_veloc
 LEAST_CELLS = 30_000
 # Number of windows that cover the start of a flow and the two that are compared: enough to start from still air.
 N_WINDOWS_FROM_STILL = 3.0
+# Shortest limit, in windows, of a solve that heat drives: its layers form over several turnovers of the air; chosen.
+N_WINDOWS_OF_HEAT = 16.0
 # Longest start over the time that follows; chosen: it then costs a third of that.
 LONGEST_START = 5.0
 _INNER = (slice(LOW, -HIGH),) * 3
@@ -258,14 +260,13 @@ def solve_wind_report(
         nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
         courant: Largest (|u| + |v| + |w|) dt / h of a step.
         max_time_s: Without an end time: limit of the wait for the statistics to settle [s]; the report states whether
-            it was reached. The time on larger cells is not counted.
+            it was reached. The time on larger cells is not counted. With buoyancy at least `N_WINDOWS_OF_HEAT` windows.
         settle_tolerance_frac: Without an end time: largest change of the mean wind from window to window (root mean
             square).
         save_every_s: Interval of stored frames of the wind [s]; absent: none.
         save_from_s: Time of the first frame [s].
         max_step_s: Largest time step, regardless of the Courant number [s].
-        buoyancy: Gas or heat that the wind carries and that drives it, in a box that may have no inlet; it needs
-            `end_time_s`.
+        buoyancy: Gas or heat that the wind carries and that drives it, in a box that may have no inlet.
     """
     _check_times(end_time_s, average_from_s, max_time_s, settle_tolerance_frac)
     if not 0 < courant <= 1:
@@ -274,9 +275,10 @@ def solve_wind_report(
         raise FlowError(f"max_step_s: expected a time above 0 s, was {max_step_s}.")
     if not (np.isfinite(nu_m2_s) and nu_m2_s > 0):
         raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
-    if buoyancy is not None and end_time_s is None:
-        raise FlowError("buoyancy: expected an end_time_s beside it: a room that gas or heat fills does not settle.")
     domain = build_domain(free, cell_m, patches, needs_openings=buoyancy is None)
+    driven_m_s = 0.0 if buoyancy is None else Buoyancy(domain, buoyancy).turnover_m_s
+    if buoyancy is not None:
+        max_time_s = max(max_time_s, N_WINDOWS_OF_HEAT * settling_window_s(domain, driven_m_s))
     limit_s = max_time_s if end_time_s is None else end_time_s
     numerics = SolverNumerics(
         turbulence=turbulence,
@@ -287,7 +289,7 @@ def solve_wind_report(
     )
     watch = mean = frames = coarse = None
     if end_time_s is None:
-        if save_every_s is None:
+        if save_every_s is None and buoyancy is None:
             start_progress = _share_of(progress, 0.0, START_SHARE)
             coarse = develop_on_coarse_cells(domain, numerics, max_time_s=max_time_s, progress=start_progress)
         progress = _share_of(progress, 0.0 if coarse is None else START_SHARE, 1.0)
@@ -296,6 +298,7 @@ def solve_wind_report(
             tolerance_frac=settle_tolerance_frac,
             coarse_start_s=0.0 if coarse is None else coarse.time_s,
             max_time_s=max_time_s,
+            driven_m_s=driven_m_s,
         )
     elif average_from_s is not None:
         mean = MeanRecorder(domain, average_from_s)

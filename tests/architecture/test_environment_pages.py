@@ -33,7 +33,7 @@ def calls_of(block):
 
 
 def test_every_kind_of_environment_wind_and_layout_is_named():
-    origins = set(EnvironmentSpec.model_fields) - {"doors"}
+    origins = set(EnvironmentSpec.model_fields) - {"doors", "heat", "air_c"}
     assert set(re.findall(r"^\| `\{(\w+): ", ENVIRONMENTS, re.MULTILINE)) == {*origins, "file"}
     assert "`doors`" in ENVIRONMENTS
     solvers = {name for name in WIND_KINDS.names() if name.isidentifier()}
@@ -73,6 +73,22 @@ def test_the_calls_of_environments_make_rooms(tmp_path, monkeypatch):
     assert "window" in {opening.name for opening in hall.openings}
     assert "crate" in {box.name for box in hall.boxes}
     assert len(list(Path("halls").iterdir())) == 2
+
+
+@pytest.mark.slow
+def test_the_heat_of_the_page_drives_a_wind(tmp_path):
+    (heat,) = (yaml.safe_load(block) for block in blocks(ENVIRONMENTS, "yaml") if "heat:" in block)
+    heat["wind"] |= {"cell_m": 0.5, "end_time_s": 20}
+    heat |= {"schema": "gslcosim/scenario/1", "name": "warm", "gas": {"sources": [{"position_m": [1, 1, 1]}]}}
+    nose = {"name": "nose", "model": "pid"}
+    heat["agents"] = [{"name": "dog", "start": {"python": "sweep"}, "vehicle": {"start_m": [1, 1, 0.2]}}]
+    heat["agents"][0]["sensors"] = [nose]
+    (tmp_path / "warm.yaml").write_text(yaml.safe_dump(heat))
+    assert main(["validate", str(tmp_path / "warm.yaml")]) == 0
+    assert main(["environment", "generate", str(tmp_path / "warm.yaml"), "--out", str(tmp_path / "warm")]) == 0
+    kelvin = json.loads((tmp_path / "warm" / "wind_report.json").read_text())["scalar_by_height"]
+    assert kelvin[-1] > kelvin[0] > 0
+    assert load_environment(tmp_path / "warm").wind.k_epsilon is not None
 
 
 @pytest.mark.slow

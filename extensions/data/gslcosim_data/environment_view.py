@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.base.rng import stream
 from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.openings import boxes_from_solid
+from gslcosim_formats.solid_boxes import boxes_from_solid
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.blueprint import build_space_view, fit_room_camera
 from gslcosim_services.recorder.recording_file import RecordingFile

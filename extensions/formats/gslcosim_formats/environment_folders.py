@@ -39,7 +39,7 @@ from gslcosim.environment.model import (
     closing_boxes,
     with_wind,
 )
-from gslcosim.environment.openings import Face, boxes_from_solid
+from gslcosim.environment.openings import Face
 from gslcosim.environment.store import data_error, load_npy
 from gslcosim_formats.data_files import (
     OCCUPANCY_FILE,
@@ -47,6 +47,7 @@ from gslcosim_formats.data_files import (
     read_content,
     read_occupancy,
 )
+from gslcosim_formats.solid_boxes import boxes_from_solid
 from gslcosim_formats.wind_files import NoWindWarning, load_wind
 
 # The walls are part of the grid or lie at its border; these close the openings, so that no vehicle leaves the room.

@@ -66,7 +66,7 @@ def build_jobs(recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | No
     return tuple(
         _order(
             recipe,
-            EnvironmentSpec(layout=layout.model_copy(update={"seed": seed})),
+            recipe.environment.model_copy(update={"layout": layout.model_copy(update={"seed": seed})}),
             folder if n == 1 else folder / f"{layout.kind}_{seed}",
         )
         for seed in range(first, first + n)

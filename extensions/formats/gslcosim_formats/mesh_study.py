@@ -24,7 +24,6 @@ from gslcosim.environment.model import Cell, Environment, WindFrames, point_text
 from gslcosim.environment.positions import find_point_problems
 from gslcosim.flow.report import matplotlib_figure_type
 from gslcosim.scenario.models.geometry import Layout
-from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import WindSpec
 from gslcosim_formats.recipes import Recipe
 from gslcosim_formats.solver_comparison import SolverComparison, compare_solvers
@@ -206,7 +205,11 @@ def _run(
     room = build_layout(layout, wind)
     raise_if_any(find_point_problems([(f"--probe {point_text(probe_m)}", probe_m) for probe_m in probes_m], room))
     made = solve_wind_of_scenario(
-        room, EnvironmentSpec(layout=layout), wind, scenario_dir=recipe.directory, progress=report_fraction
+        room,
+        recipe.environment.model_copy(update={"layout": layout}),
+        wind,
+        scenario_dir=recipe.directory,
+        progress=report_fraction,
     )
     environment = with_wind(room, made.frames)
     is_air = environment.occupancy != Cell.SOLID

@@ -9,6 +9,7 @@ from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import ENVIRONMENT, InputPath, ScenarioKey
 from gslcosim.base.spec import Name, Positive, Spec
+from gslcosim_formats.heat.keys import AIR, HEAT
 
 GSL_BENCH, GADEN = (
     ScenarioKey[str | None](
@@ -139,6 +140,8 @@ KEYS: tuple[ScenarioKey[Any] | InputPath, ...] = (
     GSL_BENCH,
     GADEN,
     GEOMETRY,
+    HEAT,
+    AIR,
     # A series of files is named by its common beginning.
     InputPath(place="wind.solver.file", expected="a file or folder with wind", kind="series"),
     InputPath(place="gas.playback.folder", expected="a folder of gas frames, or a movie", kind="file or folder"),

@@ -11,19 +11,16 @@ from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
-from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
-from gslcosim.environment.readers import FOREIGN_WINDS, Progress, find_room_reader, find_wind_source
+from gslcosim.environment.readers import FOREIGN_WINDS, Progress, find_heat_builder, find_room_reader, find_wind_source
 from gslcosim.environment.readers import WindSetup as WindSetup
-from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
+from gslcosim.flow.buoyancy import BuoyantScalar, Orifice, Release
 from gslcosim.scenario.models.scenario import EnvironmentSpec
-from gslcosim.scenario.models.wind import BuoyancySpec, SolverSpec, WindSpec
+from gslcosim.scenario.models.wind import SolverSpec, WindSpec
 
 _log = logging.getLogger(__name__)
-# Warm air at constant pressure, 20 degC: W to K m3/s.
-_AIR_HEAT_J_M3_K = 1.204 * 1006.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +82,7 @@ def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
             "wind.solver: expected an environment that brings its wind, was one without. "
             "Take built_in to solve it, or solver: {file: PATH}."
         )
-    return _solved(room, wind, setup.progress)
+    return _solved(room, wind, setup)
 
 
 def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch, ...]:
@@ -99,35 +96,30 @@ def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch
     return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
 
 
-def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> BuoyantScalar | None:
+def build_buoyancy(room: EnvironmentGeometry, wind: WindSpec, spec: EnvironmentSpec) -> BuoyantScalar | None:
     """Return the solver's scalar for the gas or heat that drives a room's wind; None without.
 
     Coordinates start at the grid's origin.
     """
-    if spec is None:
+    grid, gas = room.grid, wind.buoyancy
+    if (build_heat := find_heat_builder(spec)) is not None:
+        return build_heat(spec, room)
+    if gas is None:
         return None
-    grid = room.grid
     releases = [
         Release(
             position_m=_from_origin(each.position_m, grid),
-            scalar_m3_s=each.flow_m3_s or (each.power_w or 0.0) / _AIR_HEAT_J_M3_K,
-            volume_m3_s=each.flow_m3_s or 0.0,
+            scalar_m3_s=each.flow_m3_s,
+            volume_m3_s=each.flow_m3_s,
             area_m2=each.opening_m2,
         )
-        for each in spec.releases
+        for each in gas.releases
     ]
     orifices = [
         Orifice(centre_m=_from_origin(each.centre_m, grid), height_m=each.height_m, area_m2=each.area_m2)
-        for each in spec.orifices
+        for each in gas.orifices
     ]
-    if spec.kind == "gas":
-        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
-        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
-    walls = [
-        FixedWall(min_m=_from_origin(each.min_m, grid), max_m=_from_origin(each.max_m, grid), value=each.above_air_k)
-        for each in spec.walls
-    ]
-    return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
+    return BuoyantScalar.of_gas(gas.density_kg_m3, gas.diffusivity_m2_s, releases=releases, orifices=orifices)
 
 
 def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
@@ -179,7 +171,7 @@ def read_stored_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind | None:
     return SolvedWind(frames=frames, notices=notices)
 
 
-def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
+def _solved(room: EnvironmentGeometry, wind: WindSpec, setup: WindSetup) -> SolvedWind:
     report = flow.solve_wind_report(
         find_air_cells(room.occupancy),
         room.grid.cell_m,
@@ -188,14 +180,20 @@ def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> So
         average_from_s=wind.average_from_s,
         turbulence=wind.turbulence,
         courant=wind.courant,
-        progress=lambda fraction: progress("Solving the wind", fraction),
-        buoyancy=build_buoyancy(room, wind.buoyancy),
+        progress=lambda fraction: setup.progress("Solving the wind", fraction),
+        buoyancy=build_buoyancy(room, wind, setup.environment),
         max_time_s=wind.max_time_s,
         max_step_s=wind.max_step_s,
         save_every_s=wind.save_every_s,
         save_from_s=wind.save_from_s,
     )
     notices = () if report.settling is None else (f"The wind has {report.settling}.",)
+    if wind.buoyancy is None and report.scalar_by_height is not None:
+        low_k, high_k = report.scalar_by_height[[0, -1]].tolist()
+        notices += (
+            f"Heat: at the end the air is {low_k:.2g} K warmer at the floor and {high_k:.2g} K at the ceiling than the "
+            f"air that enters.",
+        )
     return SolvedWind(frames=_frames_of(report, room, wind), report=report, notices=notices)
 
 

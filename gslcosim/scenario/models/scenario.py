@@ -87,7 +87,7 @@ class EnvironmentSpec(Spec):
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        keys = [key for key in type(self).model_fields if key != "doors"]
+        keys = [key for key in type(self).model_fields if key not in ("doors", "heat", "air_c")]
         given = [key for key in keys if self._has(key)]
         if len(given) != 1:
             raise broken_rule_error(

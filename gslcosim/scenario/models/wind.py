@@ -58,14 +58,13 @@ class InletScheduleSpec(Spec):
 
 
 class BuoyantReleaseSpec(Spec):
-    """Release of a buoyant gas or of heat in the air of the room.
+    """Release of a buoyant gas in the air of the room.
 
     With `opening_m2`, the area of a round opening that points upwards, gas rises as a plume narrower than cells.
     """
 
     position_m: Vec3 = Field(description="position in the world")
-    flow_m3_s: Positive | None = Field(default=None, description="volume flow of the gas (heat: absent)")
-    power_w: Positive | None = Field(default=None, description="power of the heat (gas: absent)")
+    flow_m3_s: Positive = Field(description="volume flow of the gas")
     opening_m2: Positive | None = Field(default=None, description="area of the opening (absent: spread over a cell)")
 
 
@@ -77,59 +76,23 @@ class OrificeSpec(Spec):
     area_m2: Positive = Field(description="area of the hole")
 
 
-class WarmWallSpec(Spec):
-    """Part of the room's boundary with a temperature of its own: a flat box."""
+class BuoyancySpec(Spec):
+    """Gas that the wind carries while it is solved, and that drives it; heat is `environment.heat`.
 
-    min_m: Vec3 = Field(description="lower corner in the world")
-    max_m: Vec3 = Field(description="upper corner in the world")
-    above_air_k: float = Field(description="temperature above that of the air outside")
-
-
-class BuoyancySpec(KindedSpec):
-    """Gas or heat that the wind carries while it is solved, and that drives it.
-
-    `gas` has a density and comes from `releases`; `heat` from `releases` and `walls`. With `orifices`, the room has no
-    other openings: its inlets and outlets are walls. Sensors and searches still concern the gas of `gas:`, which moves
-    in this wind.
+    With `orifices`, the room has no other openings: its inlets and outlets are walls. Sensors and searches still
+    concern the gas of `gas:`, which moves in this wind.
     """
 
-    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {"density_kg_m3": ("gas",), "walls": ("heat",)}
-
-    kind: Literal["gas", "heat"] = Field(default="gas", description="what drives the wind")
     density_kg_m3: Annotated[float, Field(gt=0, lt=100)] = Field(
         default=GASES["helium"].density_kg_m3,
         description="density of the pure gas; "
         + ", ".join(f"{name} {GASES[name].density_kg_m3:g}" for name in ("helium", "hydrogen", "methane")),
     )
-    diffusivity_m2_s: Positive | None = Field(
-        default=None, description="molecular diffusivity (absent: helium's 7.0e-5, heat's 2.1e-5)"
+    diffusivity_m2_s: Positive = Field(
+        default=GASES["helium"].diffusivity_m2_s, description="molecular diffusivity of the gas"
     )
-    releases: tuple[BuoyantReleaseSpec, ...] = Field(default=(), description="sources of it")
+    releases: Annotated[tuple[BuoyantReleaseSpec, ...], Field(min_length=1)] = Field(description="sources of it")
     orifices: tuple[OrificeSpec, ...] = Field(default=(), description="holes smaller than a cell")
-    walls: tuple[WarmWallSpec, ...] = Field(default=(), description="warm or cold parts of the boundary")
-
-    @model_validator(mode="after")
-    def _check_sources(self) -> Self:
-        if not self.releases and not self.walls:
-            raise broken_rule_error(
-                key="releases",
-                expected="a release" if self.kind == "gas" else "a release or a wall",
-                found="none",
-                remedy="For example releases: [{position_m: [1, 1, 0.5], "
-                + ("flow_m3_s: 0.0005}]." if self.kind == "gas" else "power_w: 100}]."),
-            )
-        wanted, other = ("flow_m3_s", "power_w") if self.kind == "gas" else ("power_w", "flow_m3_s")
-        for i, release in enumerate(self.releases):
-            has_opening_of_gas = self.kind == "gas" or release.opening_m2 is None
-            if getattr(release, wanted) is None or getattr(release, other) is not None or not has_opening_of_gas:
-                found = [key for key in (other, "opening_m2") if getattr(release, key) is not None]
-                raise broken_rule_error(
-                    key=f"releases[{i}]",
-                    expected=f"{wanted} with kind: {self.kind}",
-                    found=", ".join(found) or f"no {wanted}",
-                    remedy="A gas has flow_m3_s and may have opening_m2; heat has power_w.",
-                )
-        return self
 
 
 class SolverSpec(KindedSpec):
@@ -173,7 +136,8 @@ class WindSpec(SolverSpec):
     - With `save_every_s`, the wind changes in the run: its frames start at `save_from_s` and repeat with `loops`.
     - `inlet_profile: parabolic` is the profile of a channel with the mean `inlet_velocity_m_s`.
     - `period_s` is the time between frames of stored wind.
-    - With `buoyancy`, a gas or heat drives the wind of the built-in solver, up to `end_time_s`.
+    - With `buoyancy`, a gas drives the wind of the built-in solver; with `environment.heat`, heat does. A solve without
+      `end_time_s` then goes on beyond `max_time_s` where the air turns over slowly.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -211,7 +175,7 @@ class WindSpec(SolverSpec):
     )
     save_from_s: NonNegative = Field(default=0.0, description="time of the first frame")
     loops: bool = Field(default=True, description="restart at the first frame after the last one")
-    buoyancy: BuoyancySpec | None = Field(default=None, description="gas or heat that drives the wind (absent: none)")
+    buoyancy: BuoyancySpec | None = Field(default=None, description="gas that drives the wind (absent: none)")
     period_s: Positive | None = Field(
         default=None, description="time between stored frames (absent: from the files, else 1 s)"
     )
@@ -232,7 +196,7 @@ class WindSpec(SolverSpec):
             useless["max_time_s"] = "a wind that goes on until it has settled, without end_time_s"
         # Dumps of a wind without buoyancy stay as they were before this key existed.
         if self.buoyancy is None:
-            useless["buoyancy"] = "a wind that gas or heat drives"
+            useless["buoyancy"] = "a wind that gas drives"
         return {**useless, **super().useless_keys()}
 
     @property
@@ -264,17 +228,6 @@ class WindSpec(SolverSpec):
                 expected="false, unless turbulence is k_epsilon or rng_k_epsilon",
                 found=f"true with {self.turbulence}",
                 remedy="Leave keep_turbulence out; the other models have no k and epsilon.",
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _check_buoyancy(self) -> Self:
-        if self.buoyancy is not None and self.end_time_s is None:
-            raise broken_rule_error(
-                key="end_time_s",
-                expected="a time beside buoyancy",
-                found="none",
-                remedy="A room that gas fills does not settle: give the time at which the solve ends.",
             )
         return self
 

@@ -26,7 +26,7 @@ from gslcosim.environment.model import (
     point_text,
     raise_if_any,
 )
-from gslcosim.environment.openings import Face, are_overlapping, border_m, boxes_from_solid, cells_at, snap_range
+from gslcosim.environment.openings import Face, are_overlapping, border_m, cells_at, snap_range
 from gslcosim.scenario.models.scenario import SolverSpec
 from gslcosim_formats.geometry.cell_kernels import TOUCHED
 from gslcosim_formats.geometry.mesh_formats import Part, load_parts
@@ -46,6 +46,7 @@ from gslcosim_formats.geometry.surfaces import (
     voxelize_surfaces,
 )
 from gslcosim_formats.scenario_keys import GeometryOpeningSpec, GeometrySpec
+from gslcosim_formats.solid_boxes import boxes_from_solid
 
 OPENINGS_PATH = "environment.geometry.openings"
 

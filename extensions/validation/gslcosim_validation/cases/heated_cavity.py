@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow.buoyancy import Buoyancy, BuoyantScalar, FixedWall
+from gslcosim.flow.buoyancy import Buoyancy, BuoyantScalar, Surface
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.patches import SlipWall
 from gslcosim.flow.pressure import LOW
@@ -52,8 +52,8 @@ def solve_heated_cavity(rayleigh: float, n_cells: int, turnovers: float) -> Cavi
     diffusivity_m2_s = nu_m2_s / PRANDTL
     sides = [SlipWall(min_m=(0, y, 0), max_m=(1, y, 1)) for y in (0.0, cell_m)]
     domain = build_domain(np.ones((n_cells, 1, n_cells), bool), cell_m, sides, needs_openings=False)
-    walls = [FixedWall(min_m=(x, 0, 0), max_m=(x, cell_m, 1), value=value) for x, value in ((0.0, 0.5), (1.0, -0.5))]
-    heat = BuoyantScalar(buoyancy_m_s2=1.0, diffusivity_m2_s=diffusivity_m2_s, walls=walls)
+    surfaces = [Surface(min_m=(x, 0, 0), max_m=(x, cell_m, 1), value=value) for x, value in ((0.0, 0.5), (1.0, -0.5))]
+    heat = BuoyantScalar(buoyancy_m_s2=1.0, diffusivity_m2_s=diffusivity_m2_s, surfaces=surfaces)
     solver = FlowSolver(domain, Laminar(domain, nu_m2_s), buoyancy=(buoyancy := Buoyancy(domain, heat)))
     while solver.time_s < turnovers:
         solver.step(until_s=turnovers)

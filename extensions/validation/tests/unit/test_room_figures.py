@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from gslcosim_validation.cases.room_sensors import _is_inside, compute_sensor_figures
+from gslcosim.environment.model import Cell
+from gslcosim_validation.cases.room_sensors import (
+    _is_inside,
+    build_room,
+    compute_sensor_figures,
+    measure_temperature_spread_k,
+    simulate_readings,
+)
+from gslcosim_validation.readers.room_sensors import RoomExperiment, RoomSensors
 
 TIME_S = np.arange(0.0, 6000.0, 1.0)
 RELEASE_S, GROWTH_S = 300.0, 600.0
@@ -46,3 +54,52 @@ def test_cells_behind_a_slanted_wall_are_outside():
     corners_m = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 4.0], [0.0, 2.0]])
     inside = _is_inside(corners_m, np.array([0.5, 3.0]), np.array([1.0, 3.5]))
     assert inside.tolist() == [[True, False], [True, True]]
+
+
+def experiment_with(*temperatures_c):
+    return RoomExperiment(
+        number=1,
+        source_m=(1.0, 1.0, 0.0),
+        airflow="off",
+        is_window_open=False,
+        time_s=np.arange(3.0),
+        readings_ppm=np.zeros((3, 1)),
+        temperature_c=np.tile(np.array(temperatures_c, dtype=float), (3, 1)),
+        wind_m_s=np.zeros(3),
+        gas_seen_s=1.0,
+    )
+
+
+def room_with(*experiments):
+    return RoomSensors(
+        corners_m=np.array([[0, 0], [3, 0], [3, 2.5], [0, 2.5]], dtype=float),
+        height_m=2.5,
+        supply_m=None,
+        window_m=((3.0, 0.9, 1.1), (3.0, 1.6, 1.9)),
+        sensors=("c_0",),
+        positions_m=np.array([[1.5, 1.2, 1.3]]),
+        plateau_ratio=np.ones(1),
+        experiments=experiments,
+    )
+
+
+def test_heat_is_estimated_from_temperatures_alone():
+    spread_k = measure_temperature_spread_k(
+        room_with(experiment_with(20.0, 21.0), experiment_with(), experiment_with(20, 20))
+    )
+    assert spread_k == pytest.approx(0.5 * 2**-0.5)
+    assert measure_temperature_spread_k(room_with(experiment_with())) == 0.0
+
+
+@pytest.mark.slow
+def test_the_warm_wall_moves_the_air_and_gas_leaves_with_it(monkeypatch):
+    monkeypatch.setattr("gslcosim_validation.cases.room_sensors.SOLVE_S", 40.0)
+    monkeypatch.setattr("gslcosim_validation.cases.room_sensors.MEAN_FROM_S", 20.0)
+    warm, even = (room_with(experiment_with(20.0, high_c)) for high_c in (20.8, 20.0))
+    environment = build_room(warm)
+    assert (environment.occupancy == Cell.OUTLET).sum() == 4
+    rising_m_s = environment.wind.velocity_m_s[0, -1, 3:7, 4, 2].mean()
+    assert rising_m_s > 0.05 > build_room(even).wind.velocity_m_s[0, -1, 3:7, 4, 2].mean()
+    readings = simulate_readings(warm, environment, warm.experiments[0], 3200.0)[:, 0]
+    # Air is exchanged in 450 s. Were all gas kept, the last quarter would have 2.3 times that of the second.
+    assert readings[-400:].mean() < 1.7 * readings[400:800].mean()

@@ -98,16 +98,14 @@ def test_openings_are_given_to_solvers_from_the_grid_s_origin():
 
 
 LEAK = {"position_m": (1, 1, 1), "flow_m3_s": 1e-4}
-WARM_WALL = {"min_m": (0, 0, 0), "max_m": (0, 1, 1), "above_air_k": 5}
 
 
 @pytest.mark.parametrize(
     ("buoyancy", "more", "reason"),
     [
-        ({"releases": [LEAK]}, {"end_time_s": None}, "expected a time beside buoyancy, was none"),
-        ({}, {}, "expected a release, was none"),
-        ({"kind": "heat", "releases": [LEAK]}, {}, "expected power_w with kind: heat, was flow_m3_s"),
-        ({"walls": [WARM_WALL]}, {}, "expected no walls with kind: gas"),
+        ({}, {}, "Field required"),
+        ({"releases": [{"position_m": (1, 1, 1)}]}, {}, "Field required"),
+        ({"kind": "heat", "releases": [LEAK]}, {}, "Extra inputs"),
         ({"releases": [LEAK]}, {"end_time_s": None, "solver": "uniform"}, "no buoyancy"),
     ],
 )
@@ -118,14 +116,3 @@ def test_buoyancy_that_means_nothing_is_refused(buoyancy, more, reason):
 
 def test_a_room_without_buoyancy_is_made_from_what_it_was():
     assert "buoyancy" not in recipe(ROOM, wind(end_time_s=5))["wind"]
-
-
-@pytest.mark.slow
-def test_heat_rises_and_the_folder_keeps_its_layers(tmp_path):
-    heater = {"kind": "heat", "releases": [{"position_m": (1.5, 1.0, 0.3), "power_w": 500.0}]}
-    spec = wind(inlet_velocity_m_s=(0.05, 0.0, 0.0), end_time_s=20.0, buoyancy=heater)
-    environment = generate_environment(ROOM, spec, tmp_path / "room").environment
-    kelvin = json.loads((tmp_path / "room" / "wind_report.json").read_text())["scalar_by_height"]
-    assert len(kelvin) == 8
-    assert kelvin[-1] > 2 * kelvin[0] > 0
-    assert environment.wind.velocity_m_s[0, 6, 4, 4, 2] > 0.1

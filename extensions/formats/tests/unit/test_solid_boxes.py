@@ -3,7 +3,8 @@
 import numpy as np
 
 from gslcosim.environment.model import Grid
-from gslcosim.environment.openings import boxes_from_solid, voxelize
+from gslcosim.environment.openings import voxelize
+from gslcosim_formats.solid_boxes import boxes_from_solid
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.2, shape=(9, 7, 5))
 

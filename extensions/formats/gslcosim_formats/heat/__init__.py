@@ -1,0 +1,1 @@
+"""Heat of rooms: warm and cold bodies and surfaces that drive the wind of the built-in solver."""
