@@ -78,7 +78,8 @@ def test_what_agents_do_wrong_is_replayed(tmp_path, agent):
 
 
 def test_a_run_that_was_interrupted_is_run_as_far_as_it_came(tmp_path):
-    flight = start(TINY_ROOM, tmp_path / "past", "--set", "referee.success.within_m=0.001")
+    change = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=3600")
+    flight = start(TINY_ROOM, tmp_path / "past", *change)
     flight.wait_until_flying()
     os.kill(flight.process.pid, signal.SIGINT)
     past = flight.end()
