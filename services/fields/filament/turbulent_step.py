@@ -16,12 +16,9 @@ from gslcosim_services.fields.filament.filament_step import (
     trace_displacement,
     trace_reflections,
 )
-from gslcosim_services.fields.turbulence.air import (
-    eddy_velocity_at,
-    nodes_with_slopes,
-)
+from gslcosim_services.fields.turbulence.air import eddy_velocity_at, nodes_with_slopes
 from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
-from gslcosim_services.fields.turbulence.pattern_sums import N_SUMS
+from gslcosim_services.fields.turbulence.vector_kernels import N_SUMS
 from gslcosim_services.fields.turbulence.wall_faces import wind_beside_walls
 
 # An even change from this share of the velocity at its end carries a filament as far, in the mean square, as noise does
@@ -63,6 +60,7 @@ def grown_variance_m2(variance_m2, epsilon_root, length_m, dt_s):
 @numba.njit(cache=True, nogil=True, inline="always")
 def _renew_velocity(x, y, z, u, v, w, p, held, own_velocity, sigma_m, first, air, layers, origin_m, cell_m, hold_s,
                     lead_s, late_s, step_key, sums):  # fmt: skip
+    # Writes to `held` how filament p's velocities and size change until the next renewal.
     node = nodes_with_slopes(air.nodes, origin_m, cell_m, x, y, z)
     s, rate, (sx, sy, sz) = np.float64(node[OWN_STD]), np.float64(node[OWN_RATE]), slopes_of(node, OWN_STD)
     kept = elementary.exp(-hold_s * rate)

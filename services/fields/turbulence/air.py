@@ -31,7 +31,7 @@ from gslcosim_services.fields.turbulence.eddies import (
     potential_amplitude_m2_s,
 )
 from gslcosim_services.fields.turbulence.grid_filters import distance_to, find_nearest, smooth_gaussian
-from gslcosim_services.fields.turbulence.pattern_sums import interpolate_4, interpolate_8
+from gslcosim_services.fields.turbulence.vector_kernels import interpolate_4, interpolate_8
 
 LAGRANGIAN_C0 = 6.0
 """Kolmogorov's constant C0 of the Lagrangian structure function: Lien and D'Asaro 2002, Physics of Fluids 14, 4456."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base import elementary
 from gslcosim.base.rng import stream
-from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE, N_SUMS, PADDED, add_pattern_pair
+from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE, N_SUMS, PADDED, add_pattern_pair
 
 N_LAYERS = 2
 """Patterns of an octave at any time."""

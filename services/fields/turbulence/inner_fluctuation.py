@@ -23,7 +23,7 @@ from gslcosim_services.fields.turbulence.eddies import (
     list_pattern_ages,
     octave_shares,
 )
-from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE
+from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE
 
 _NODES = N_LATTICE * N_LATTICE * N_LATTICE
 # Mean of the square of a sum of 27 quadratic splines over unit normal numbers.

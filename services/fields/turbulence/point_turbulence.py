@@ -13,7 +13,7 @@ from gslcosim.environment.model import Grid
 from gslcosim_services.fields.turbulence.air import OWN_SHARE, TurbulentAir, eddy_velocity_at
 from gslcosim_services.fields.turbulence.eddies import N_EDDY_OCTAVES, N_FINE_OCTAVES, LargeEddies
 from gslcosim_services.fields.turbulence.inner_fluctuation import InnerFluctuation
-from gslcosim_services.fields.turbulence.pattern_sums import N_SUMS
+from gslcosim_services.fields.turbulence.vector_kernels import N_SUMS
 
 
 @numba.njit(cache=True, nogil=True)

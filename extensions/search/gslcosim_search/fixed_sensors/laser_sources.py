@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from gslcosim_search import elementary
 from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics, plume_responses
 from gslcosim_search.fixed_sensors.source_search import (
+    CLEAR_DEVIATIONS,
+    LEAST_LOG_MARGIN,
     BackgroundPrior,
     PlaceCertainty,
     TermsFit,
@@ -33,16 +35,12 @@ _MINUTE_ERROR_PPM = 0.05
 _GROUND_SOURCE_M = 0.3
 # Around the paths, where sources are sought.
 _MARGIN_M = 20.0
-# More at once are not told apart by a handful of paths.
+# A handful of paths cannot separate more at once.
 _MOST_SOURCES = 4
 # Rounds in which each place is sought anew beside the others.
 _PLACE_ROUNDS = 2
-# Logarithms of likelihoods that differ by less are nearly equal: odds of seven to one.
-_LEAST_MARGIN = 2.0
 # Places nearer than this are one [m].
 _SAME_PLACE_M = 3.0
-# A sum of readings above so many of its own deviations is gas and not noise.
-_CLEAR_DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,7 +173,7 @@ class PlaceSearch:
         )
         is_best = np.array([elementary.distance(place_m, best_m) <= _SAME_PLACE_M for place_m in places])
         drawn = elementary.product(self._draws, blocks)
-        return rank_places(scores, drawn, is_best, places, least_margin=_LEAST_MARGIN)
+        return rank_places(scores, drawn, is_best, places, least_margin=LEAST_LOG_MARGIN)
 
     @property
     def _corners_m(self) -> tuple[Place, Place]:
@@ -201,7 +199,7 @@ class PlaceSearch:
         if not is_reached.any():
             is_reached = np.isfinite(response) & np.isfinite(self._record.readings_ppm[self.rows])
         total = float(response[is_reached].sum())
-        least_ppm = _CLEAR_DEVIATIONS * _MINUTE_ERROR_PPM * math.sqrt(float(is_reached.sum()))
+        least_ppm = CLEAR_DEVIATIONS * _MINUTE_ERROR_PPM * math.sqrt(float(is_reached.sum()))
         if not total > 0.0 or rate_kg_s * total >= least_ppm:
             return rate_kg_s, not total > 0.0
         return rate_kg_s + least_ppm / total, True

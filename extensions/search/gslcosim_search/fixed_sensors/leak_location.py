@@ -11,6 +11,8 @@ from gslcosim_search import elementary
 from gslcosim_search.fixed_sensors.events import Excess, LeakEvent
 from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
 from gslcosim_search.fixed_sensors.source_search import (
+    CLEAR_DEVIATIONS,
+    LEAST_LOG_MARGIN,
     BackgroundPrior,
     PlaceCertainty,
     TermsFit,
@@ -33,13 +35,9 @@ _MEAN_S = 180.0
 _DEVIATES = ((-math.sqrt(3.0), 1.0 / 6.0), (0.0, 2.0 / 3.0), (math.sqrt(3.0), 1.0 / 6.0))
 # A response below this share of its mean over errors of the wind's direction is the tail of a plume.
 _TAIL_SHARE = 0.5
-# A sum of readings above so many of its own deviations is gas and not noise.
-_CLEAR_DEVIATIONS = 2.0
 # Correlations that differ by less are nearly equal: of METEC's first eight releases, as seen by five to eight of the
 # masts, the better place was right in half of such cases, and in 99.7 % above 0.2.
 _LEAST_MARGIN = 0.05
-# The same for logarithms of likelihoods: odds of seven to one.
-_LEAST_LOG_MARGIN = 2.0
 # A reading is no more exact than this [ppm].
 _LEAST_ERROR_PPM = 0.05
 # Two places nearer than this are one where any place may be it [m].
@@ -133,7 +131,7 @@ def bounded_rate(response: Floats, turned: Floats, above_ppm: Floats, noise_ppm:
     is_tail = total < _TAIL_SHARE * wide
     gas = max(float(above_ppm[is_reached].sum()), 0.0)
     variance = np.broadcast_to(np.square(noise_ppm), above_ppm.shape)[is_reached].sum()
-    least = _CLEAR_DEVIATIONS * math.sqrt(float(variance))
+    least = CLEAR_DEVIATIONS * math.sqrt(float(variance))
     is_noise = math.isfinite(least) and gas < least
     return LeakRate((gas + least if is_noise else gas) / (wide if is_tail else total), is_tail or is_noise)
 
@@ -365,7 +363,7 @@ class _PlaceScores:
         is_best = np.arange(len(left)) == best
         scores = np.array([fit.log_likelihood for fit in fits])
         drawn = elementary.product(self._draws, blocks)
-        return more, rank_places(scores, drawn, is_best, left, least_margin=_LEAST_LOG_MARGIN)
+        return more, rank_places(scores, drawn, is_best, left, least_margin=LEAST_LOG_MARGIN)
 
     def gain(self, names: list[str], more: list[str], candidates: list[str]) -> float:
         n = int(np.isfinite(self._means_ppm).sum())

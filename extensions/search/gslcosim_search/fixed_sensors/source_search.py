@@ -13,6 +13,11 @@ from gslcosim_search.fixed_sensors.background import background_beside_plumes
 
 Floats = NDArray[np.float64]
 
+LEAST_LOG_MARGIN = 2.0
+"""Logarithms of likelihoods that differ by less are nearly equal: odds of seven to one."""
+CLEAR_DEVIATIONS = 2.0
+"""A sum of readings above so many of its own deviations is gas and not noise."""
+
 # Degrees of freedom of Student's t: plumes that pass beside a sensor are outliers of a plume model, not noise.
 _FREEDOM = 4.0
 _ITERATIONS = 12

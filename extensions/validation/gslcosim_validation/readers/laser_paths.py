@@ -124,7 +124,7 @@ def _read_source(path: Path, layout: Document, beams: list[int]) -> LaserMinutes
         raise build_error(
             path, "", expected=f"beams with a reflector ({', '.join(names)})", found=", ".join(unknown), remedy=remedy
         )
-    # A beam without a column read nothing; one in another unit is told.
+    # A beam without a column read nothing; one in another unit is refused.
     is_there = [any(each.startswith(name.removesuffix("ppm")) for each in table.texts) for name in names]
     if not any(is_there):
         table.require(names)

@@ -86,7 +86,7 @@ def read_mast_network(folder: Path) -> MastNetwork:
             found=", ".join(sorted(set(masts) - set(known))),
             remedy="Take the site.json of the same campaign, or give these masts there the names that they have here.",
         )
-    # A mast without a column read nothing; one in another unit is told.
+    # A mast without a column read nothing; one in another unit is refused.
     is_there = [any(name.startswith(f"ch4_{mast}_") for name in minutes.texts) for mast in known]
     minutes.require([f"ch4_{mast}_ppm" for mast, is_read in zip(known, is_there, strict=True) if is_read])
     readings_ppm = minutes.matrix([f"ch4_{name}_ppm" for name in masts], allow_gaps=True)

@@ -22,8 +22,8 @@ from gslcosim_services.fields.turbulence.eddies import (
     LargeEddies,
     draw_vectors,
 )
-from gslcosim_services.fields.turbulence.pattern_sums import N_LATTICE, N_SUMS, PADDED
 from gslcosim_services.fields.turbulence.point_turbulence import turbulent_wind_at_points
+from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE, N_SUMS, PADDED
 
 CELL_M = 0.25
 

@@ -1,6 +1,5 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN201, ANN202 - code for the compiler has no types
-"""Sums of turbulence, several numbers at a time: patterns of eddies in pairs, columns of tables.
+"""Kernels on vectors of four or eight numbers: sums over pairs of eddy patterns, and columns of a table at a point.
 
 Each instruction works on numbers that do not meet, so results are the same on every processor: nothing is added in
 another order, and nothing is multiplied and added at once.
