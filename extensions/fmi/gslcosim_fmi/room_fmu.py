@@ -162,11 +162,11 @@ def export_room_fmu(
 def check_can_be_recorded(scenario: Scenario) -> None:
     """Refuse a scenario whose gas or wind a recording cannot stand for."""
     gas = scenario.gas
-    found = None
+    found, remedy = None, "Leave that out of the scenario"
     if not isinstance(gas, FilamentGasSpec):
         found = f"gas.model: {gas.model}"
     elif gas.turbulence is not None:
-        found = "gas.turbulence"
+        found, remedy = f"gas.turbulence: {{kind: {gas.turbulence.kind}}}", "Add --set gas.turbulence.kind=none"
     elif gas.rotor_downwash:
         found = "gas.rotor_downwash: true"
     elif scenario.has_wind_that_changes:
@@ -180,7 +180,7 @@ def check_can_be_recorded(scenario: Scenario) -> None:
     if found is not None:
         raise UsageError(
             f"--to fmu: expected gas of model filament that nothing in a run changes, as the unit plays a recording, "
-            f"was {found}. Leave that out of the scenario, or export an environment folder, which has wind alone."
+            f"was {found}. {remedy}, or export an environment folder, which has wind alone."
         )
 
 

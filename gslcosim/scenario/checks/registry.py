@@ -117,14 +117,7 @@ def _has_stored_wind(scenario: Scenario) -> bool:
 
 def _has_given_eddies(scenario: Scenario) -> bool:
     turbulence = scenario.gas.turbulence if isinstance(scenario.gas, FilamentsSpec) else None
-    return turbulence is not None and turbulence.kind == "given"
-
-
-def _solves_wind(scenario: Scenario) -> bool:
-    is_built_in = scenario.wind.solver == "built_in" or (
-        scenario.wind.solver == "auto" and scenario.environment.folder_key is None
-    )
-    return scenario.environment.path is None and is_built_in
+    return turbulence is not None and turbulence.kind == "given" and "length_m" in turbulence.model_fields_set
 
 
 _SCENARIO_CHECKS = (
@@ -147,7 +140,7 @@ _SCENARIO_CHECKS = (
         name="costly wind",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_costly_wind_problems",
-        is_needed=_solves_wind,
+        is_needed=lambda scenario: scenario.solves_wind,
         is_warning=True,
     ),
     Check(

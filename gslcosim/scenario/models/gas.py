@@ -139,7 +139,9 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
 class TurbulenceSpec(KindedSpec):
     """Turbulence that moves and spreads filaments, and that instruments sense.
 
-    `wind`: its strength follows from k and epsilon, which the wind's solver has stored with the wind. `given`: the same
+    `auto`: `wind` where the built-in solver solves a wind with k and epsilon, `given` where a uniform wind blows, else
+    `none`; `none` too with `compatibility`, settings of the random walk, and in open air. `none`: growth and random walk
+    without memory. `wind`: its strength follows from the k and epsilon that the wind's solver keeps. `given`: the same
     everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
     speed, and the integral length `length_m`, but no more than half of the distance between two walls, or the height of
     ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the
@@ -148,9 +150,9 @@ class TurbulenceSpec(KindedSpec):
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))
 
-    kind: Literal["given", "wind"] = Field(default="given", description="where its strength comes from")
+    kind: Literal["given", "wind", "auto", "none"] = Field(default="given", description="where its strength comes from")
     intensity_frac: Annotated[float, Field(gt=0, le=2)] = Field(
-        default=0.3, description="fluctuation over mean wind speed, along each axis"
+        default=0.15, description="fluctuation over mean wind speed, along each axis"
     )
     length_m: Positive = Field(default=2.0, description="integral length, about that of the largest eddies")
     inner_intensity: Annotated[float, Field(ge=0, le=3)] = Field(
@@ -246,12 +248,30 @@ class FilamentsSpec(GasSpec):
     gaden_noise_std_m: NonNegative = Field(
         default=0.02, description="noise per step, with `compatibility` in place of the eddy diffusivity"
     )
-    wall_images: bool = Field(
-        default=False, description="readings find gas that walls cut off filaments in the room (false: it is lost)"
+    wall_images: bool | None = Field(
+        default=None,
+        description="readings find gas that walls cut off filaments in the room (false: it is lost; absent: "
+        "with turbulence)",
     )
     turbulence: TurbulenceSpec | None = Field(
-        default=None, description="turbulence in place of growth and eddy diffusivity (absent: none)"
+        default=TurbulenceSpec(kind="auto"), description="turbulence in place of growth and eddy diffusivity"
     )
+
+    def with_turbulence(self, kind: Literal["given", "wind"] | None) -> Self:
+        """Return this gas with turbulence and images at walls chosen; no turbulence stands for `none`.
+
+        Args:
+            kind: What the room's wind allows.
+        """
+        chosen = self.turbulence
+        if chosen is not None and chosen.kind in ("auto", "none"):
+            walks = {"growth_m2_s", "eddy_diffusivity_m2_s"} & self.model_fields_set
+            if kind is None or chosen.kind == "none" or self.compatibility != "none" or self.is_in_open_air or walks:
+                chosen = None
+            else:
+                chosen = chosen.model_copy(update={"kind": kind})
+        images = chosen is not None and not self.is_in_open_air if self.wall_images is None else self.wall_images
+        return self.model_copy(update={"turbulence": chosen, "wall_images": images})
 
     def useless_keys(self) -> dict[str, str]:
         """Return the keys without a meaning with this compatibility or turbulence, each with its home."""
@@ -262,7 +282,7 @@ class FilamentsSpec(GasSpec):
             useless |= dict.fromkeys(
                 ("eddy_diffusivity_m2_s", "buoyancy", "turbulence", "wall_images"), "compatibility: none"
             )
-        if self.turbulence is not None:
+        if self.turbulence is not None and self.turbulence.kind in ("given", "wind"):
             useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "growth_m2_s"), "gas without turbulence")
         return useless
 

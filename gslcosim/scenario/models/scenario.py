@@ -24,7 +24,7 @@ from gslcosim.contract.participant import Inbox, Read
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, with_registered_keys
 from gslcosim.scenario.models.base import Spec as Spec
 from gslcosim.scenario.models.events import Event, EventSpec, SourceRateSpec
-from gslcosim.scenario.models.gas import EVEN_RELEASES, Gas
+from gslcosim.scenario.models.gas import EVEN_RELEASES, FilamentsSpec, Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import BoxSpec as BoxSpec
@@ -538,6 +538,28 @@ class Scenario(Spec):
     processes: Processes = Field(
         default="separate", description="services that share a process, without influence on results"
     )
+
+    @property
+    def solves_wind(self) -> bool:
+        """True if the built-in solver makes the room's wind."""
+        is_built_in = self.wind.solver == "built_in" or (
+            self.wind.solver == "auto" and self.environment.folder_key is None
+        )
+        return self.environment.path is None and is_built_in
+
+    # The scenario cannot be assigned to, but the choice belongs to what is read, and is recorded with it.
+    @model_validator(mode="after")
+    def _choose_turbulence(self) -> Self:
+        gas, wind = self.gas, self.wind
+        if not isinstance(gas, FilamentsSpec):
+            return self
+        has_k = self.solves_wind and isinstance(wind, WindSpec) and wind.turbulence in ("k_epsilon", "rng_k_epsilon")
+        blows = self.environment.path is None and wind.solver == "uniform" and any(wind.inlet_velocity_m_s)
+        gas = gas.with_turbulence("wind" if has_k else "given" if blows else None)
+        object.__setattr__(self, "gas", gas)
+        if has_k and gas.turbulence is not None and gas.turbulence.kind == "wind":
+            object.__setattr__(self, "wind", wind.model_copy(update={"keep_turbulence": True}))
+        return self
 
     @model_validator(mode="after")
     def _check_restart(self) -> Self:

@@ -217,7 +217,7 @@ def _build_air_of_wind(environment: Environment, *, is_own_wind: bool) -> Turbul
     if k_epsilon is None or is_own_wind:
         raise ScenarioError(
             "gas.turbulence.kind: expected given, as the wind has no k and epsilon, was wind. Give intensity_frac and "
-            "length_m, or solve the wind with wind: {keep_turbulence: true}."
+            "length_m, or let the built-in solver solve the wind."
         )
     return build_turbulent_air(environment, KEpsilonFields(k_m2_s2=k_epsilon[..., 0], epsilon_m2_s3=k_epsilon[..., 1]))
 

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.base.errors import build_path_error
+from gslcosim.base.errors import UsageError, build_path_error
 from gslcosim.base.exporters import list_exporters
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, add_override_options
 from gslcosim.cli.completion_words import SCENARIOS, find_folders
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
   gslcosim environment export warehouse_empty --to vtk --out warehouse_vtk
   gslcosim environment export hall --to gaden --gaden-wind points --out hall_points
-  gslcosim environment export tiny_room --to fmu --fmu-points 4 --out tiny_room_fmu"""
+  gslcosim environment export tiny_room --set gas.turbulence.kind=none --to fmu --fmu-points 4 --out tiny_room_fmu"""
 
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
@@ -36,6 +36,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
             "its preprocessing, or iterations as in its results"
         ),
     )
+    add_override_options(parser)
     add_json_option(parser)
 
 
@@ -56,21 +57,24 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> "ExportResult":
-    environment, scenario = _load(arguments.source)
+    environment, scenario = _load(arguments)
     write_environment = list_exporters("environment")[arguments.to].load()
     return write_environment(environment, arguments.out, scenario, arguments)
 
 
 # A folder is a room without gas.
-def _load(source: str) -> "tuple[Environment, Scenario | None]":
+def _load(arguments: argparse.Namespace) -> "tuple[Environment, Scenario | None]":
     from gslcosim.environment.generation.cache import prepare_environment
     from gslcosim.environment.positions import draw_positions
     from gslcosim.environment.store import load_environment
     from gslcosim.scenario import load_scenario
 
+    source = arguments.source
     if Path(source).is_dir():
+        if arguments.set or arguments.seed is not None:
+            raise UsageError(f"--set, --seed: expected a scenario beside them, was the folder {source}. Leave them out.")
         return load_environment(Path(source), with_meshes=True), None
-    loaded = load_scenario(source, placer=draw_positions)
+    loaded = load_scenario(source, overrides=arguments.set, seed=arguments.seed, placer=draw_positions)
     environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
     return environment, loaded.scenario
 
