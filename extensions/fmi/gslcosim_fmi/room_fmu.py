@@ -165,8 +165,6 @@ def check_can_be_recorded(scenario: Scenario) -> None:
     found, remedy = None, "Leave that out of the scenario"
     if not isinstance(gas, FilamentGasSpec):
         found = f"gas.model: {gas.model}"
-    elif gas.turbulence is not None:
-        found, remedy = f"gas.turbulence: {{kind: {gas.turbulence.kind}}}", "Add --set gas.turbulence.kind=none"
     elif gas.rotor_downwash:
         found = "gas.rotor_downwash: true"
     elif scenario.has_wind_that_changes:
@@ -177,6 +175,8 @@ def check_can_be_recorded(scenario: Scenario) -> None:
         found = "a source whose rate a participant sets"
     elif len(gas.sources) > MAX_SOURCES:
         found = f"{len(gas.sources)} sources of at most {MAX_SOURCES}"
+    elif gas.eddies is not None:
+        found, remedy = f"gas.turbulence: {{kind: {gas.eddies.kind}}}", "Add --set gas.turbulence.kind=none"
     if found is not None:
         raise UsageError(
             f"--to fmu: expected gas of model filament that nothing in a run changes, as the unit plays a recording, "

@@ -116,7 +116,7 @@ def _has_stored_wind(scenario: Scenario) -> bool:
 
 
 def _has_given_eddies(scenario: Scenario) -> bool:
-    turbulence = scenario.gas.turbulence if isinstance(scenario.gas, FilamentsSpec) else None
+    turbulence = scenario.gas.eddies if isinstance(scenario.gas, FilamentsSpec) else None
     return turbulence is not None and turbulence.kind == "given" and "length_m" in turbulence.model_fields_set
 
 

@@ -139,18 +139,19 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
 class TurbulenceSpec(KindedSpec):
     """Turbulence that moves and spreads filaments, and that instruments sense.
 
-    `auto`: `wind` where the built-in solver solves a wind with k and epsilon, `given` where a uniform wind blows, else
-    `none`; `none` too with `compatibility`, settings of the random walk, and in open air. `none`: growth and random walk
-    without memory. `wind`: its strength follows from the k and epsilon that the wind's solver keeps. `given`: the same
-    everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
+    `none`: growth and random walk without memory. `wind`: its strength follows from the k and epsilon that the wind's
+    solver keeps. `given`: the same everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
     speed, and the integral length `length_m`, but no more than half of the distance between two walls, or the height of
     ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the
     gas within filaments as large as the eddies; small filaments have less, and in larger ones it fades.
     """
 
-    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **dict.fromkeys(("intensity_frac", "length_m"), ("given",)),
+        "inner_intensity": ("given", "wind"),
+    }
 
-    kind: Literal["given", "wind", "auto", "none"] = Field(default="given", description="where its strength comes from")
+    kind: Literal["given", "wind", "none"] = Field(default="given", description="where its strength comes from")
     intensity_frac: Annotated[float, Field(gt=0, le=2)] = Field(
         default=0.15, description="fluctuation over mean wind speed, along each axis"
     )
@@ -254,24 +255,28 @@ class FilamentsSpec(GasSpec):
         "with turbulence)",
     )
     turbulence: TurbulenceSpec | None = Field(
-        default=TurbulenceSpec(kind="auto"), description="turbulence in place of growth and eddy diffusivity"
+        default=None,
+        description="turbulence in place of growth and eddy diffusivity (absent: `wind` where the built-in solver solves "
+        "with k and epsilon, `given` where a uniform wind blows, else, with `compatibility` and with settings of the "
+        "random walk `none`)",
     )
 
+    @property
+    def eddies(self) -> TurbulenceSpec | None:
+        """Turbulence, if the gas has any."""
+        return None if self.turbulence is None or self.turbulence.kind == "none" else self.turbulence
+
     def with_turbulence(self, kind: Literal["given", "wind"] | None) -> Self:
-        """Return this gas with turbulence and images at walls chosen; no turbulence stands for `none`.
+        """Return this gas with turbulence and images at walls chosen where they are absent.
 
         Args:
             kind: What the room's wind allows.
         """
-        chosen = self.turbulence
-        if chosen is not None and chosen.kind in ("auto", "none"):
-            walks = {"growth_m2_s", "eddy_diffusivity_m2_s"} & self.model_fields_set
-            if kind is None or chosen.kind == "none" or self.compatibility != "none" or self.is_in_open_air or walks:
-                chosen = None
-            else:
-                chosen = chosen.model_copy(update={"kind": kind})
-        images = chosen is not None and not self.is_in_open_air if self.wall_images is None else self.wall_images
-        return self.model_copy(update={"turbulence": chosen, "wall_images": images})
+        walks = {"growth_m2_s", "eddy_diffusivity_m2_s"} & self.model_fields_set
+        is_walk = self.compatibility != "none" or self.is_in_open_air or bool(walks)
+        spec = self.turbulence or TurbulenceSpec(kind="none" if is_walk or kind is None else kind)
+        images = spec.kind != "none" and not self.is_in_open_air if self.wall_images is None else self.wall_images
+        return self.model_copy(update={"turbulence": spec, "wall_images": images})
 
     def useless_keys(self) -> dict[str, str]:
         """Return the keys without a meaning with this compatibility or turbulence, each with its home."""
@@ -279,10 +284,9 @@ class FilamentsSpec(GasSpec):
         if self.compatibility == "none":
             useless["gaden_noise_std_m"] = "compatibility: gaden_2, gaden_3"
         else:
-            useless |= dict.fromkeys(
-                ("eddy_diffusivity_m2_s", "buoyancy", "turbulence", "wall_images"), "compatibility: none"
-            )
-        if self.turbulence is not None and self.turbulence.kind in ("given", "wind"):
+            useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "buoyancy", "wall_images"), "compatibility: none")
+            useless |= {"turbulence": "compatibility: none"} if self.eddies else {}
+        if self.eddies is not None:
             useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "growth_m2_s"), "gas without turbulence")
         return useless
 

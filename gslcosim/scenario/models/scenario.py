@@ -557,7 +557,7 @@ class Scenario(Spec):
         blows = self.environment.path is None and wind.solver == "uniform" and any(wind.inlet_velocity_m_s)
         gas = gas.with_turbulence("wind" if has_k else "given" if blows else None)
         object.__setattr__(self, "gas", gas)
-        if has_k and gas.turbulence is not None and gas.turbulence.kind == "wind":
+        if has_k and gas.eddies is not None and gas.eddies.kind == "wind":
             object.__setattr__(self, "wind", wind.model_copy(update={"keep_turbulence": True}))
         return self
 

@@ -102,12 +102,12 @@ def build_point_turbulence(
     block: FilamentsSpec, model: "GasModel", setup: GasSetup, *, wind_at: WindAt
 ) -> PointTurbulence | None:
     """Build the turbulence of a gas at points, for instruments in a mean wind; None where the gas has none."""
-    if block.turbulence is None or model.air is None:
+    if block.eddies is None or model.air is None:
         return None
     return PointTurbulence(
         model.air,
         setup.environment.grid,
-        inner_intensity=block.turbulence.inner_intensity,
+        inner_intensity=block.eddies.inner_intensity,
         wind_at=wind_at,
         seed=setup.seed,
     )
@@ -123,7 +123,7 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
     Raises:
         ScenarioError: the wind has no k and epsilon, or blows nowhere.
     """
-    spec = gas.turbulence
+    spec = gas.eddies
     if spec is None:
         return None
     if spec.kind == "wind":
@@ -131,7 +131,7 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
     speed = mean_speed_m_s(environment) if speed_m_s is None else speed_m_s
     if speed <= 0.0:
         raise ScenarioError(
-            "gas.turbulence.kind: expected a wind that blows with kind: given, was still air. Leave turbulence out."
+            "gas.turbulence.kind: expected a wind that blows with kind: given, was still air. Take kind: none."
         )
     k, epsilon = k_epsilon_from_intensity(spec.intensity_frac * speed, spec.length_m)
     shape = environment.grid.shape

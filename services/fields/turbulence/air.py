@@ -245,7 +245,7 @@ def find_eddy_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
     """
     room = read_room(scenario.environment, scenario.wind, directory)
     gas = scenario.gas
-    turbulence = gas.turbulence if isinstance(gas, FilamentsSpec) else None
+    turbulence = gas.eddies if isinstance(gas, FilamentsSpec) else None
     if room is None or not isinstance(gas, FilamentsSpec) or turbulence is None:
         return []
     longest_m = longest_eddies_m(room.grid, _GROUND if gas.is_in_open_air else find_walls(room))

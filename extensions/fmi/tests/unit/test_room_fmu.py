@@ -146,7 +146,19 @@ def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
 @pytest.mark.slow
 @pytest.mark.tour
 def test_the_command_writes_what_gslcosim_sample_says(importer, tmp_path, capsys):
-    words = ["tiny_room", "--to", "fmu", "--fmu-points", "3", "--fmu-until", "2", "--out", str(tmp_path / "out")]
+    words = [
+        "tiny_room",
+        "--set",
+        "gas.turbulence.kind=none",
+        "--to",
+        "fmu",
+        "--fmu-points",
+        "3",
+        "--fmu-until",
+        "2",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main(["environment", "export", *words, "--json"]) == 0
     (path,) = json.loads(capsys.readouterr().out)["files"]
     points = tmp_path / "points.csv"
@@ -295,7 +307,7 @@ def test_a_unit_that_cannot_start_says_why(unit, tmp_path):
     ("changes", "found"),
     [
         (["gas.model=gaussian_plume"], "was gas.model: gaussian_plume."),
-        (["gas.turbulence={kind: given}"], "was gas.turbulence."),
+        ([], "was gas.turbulence: {kind: given}. Add --set gas.turbulence.kind=none, or"),
         (["gas.rotor_downwash=true"], "was gas.rotor_downwash: true."),
         (["events=[{what: source_stops, at_s: 3}]"], "was events of sources."),
         (
@@ -330,7 +342,8 @@ def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):
 def test_wrong_exports_are_refused_with_a_sentence(monkeypatch, tmp_path, capsys, variables, options, sentence):
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    words = ["environment", "export", "tiny_room", "--to", "fmu", "--out", str(tmp_path / "out"), *options]
+    words = ["environment", "export", "tiny_room", "--set", "gas.turbulence.kind=none", "--to", "fmu"]
+    words += ["--out", str(tmp_path / "out"), *options]
     assert main(words) == 2
     assert sentence in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.fmu"))

@@ -72,7 +72,9 @@ def _load(arguments: argparse.Namespace) -> "tuple[Environment, Scenario | None]
     source = arguments.source
     if Path(source).is_dir():
         if arguments.set or arguments.seed is not None:
-            raise UsageError(f"--set, --seed: expected a scenario beside them, was the folder {source}. Leave them out.")
+            raise UsageError(
+                f"--set, --seed: expected a scenario beside them, was the folder {source}. Leave them out."
+            )
         return load_environment(Path(source), with_meshes=True), None
     loaded = load_scenario(source, overrides=arguments.set, seed=arguments.seed, placer=draw_positions)
     environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))

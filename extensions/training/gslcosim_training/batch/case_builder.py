@@ -111,8 +111,8 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
     if not is_gas_supported(scenario):
         expected = "gaussian_plume, meandering_plume, playback, or filament without rotor_downwash, in a batch"
         yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
-    if isinstance(scenario.gas, FilamentsSpec) and scenario.gas.turbulence is not None:
-        yield "gas.turbulence.kind", "none in a batch", scenario.gas.turbulence.kind
+    if isinstance(scenario.gas, FilamentsSpec) and scenario.gas.eddies is not None:
+        yield "gas.turbulence.kind", "none in a batch", scenario.gas.eddies.kind
     if isinstance(scenario.gas, FilamentsSpec) and scenario.gas.wall_images:
         yield "gas.wall_images", "false in a batch", "true"
     if isinstance(scenario.gas, MeanderingPlumeGasSpec) and len(scenario.gas.sources) > _MOST_MEANDERING:

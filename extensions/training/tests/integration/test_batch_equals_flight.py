@@ -222,13 +222,13 @@ def test_a_search_is_run_again_alone_from_the_scenario_that_it_shows():
             "model: expected a sensor of gas, wind or ranges in",
         ),
         (
-            "gas={model: filament, wall_images: true, sources: [{position_m: [1.5, 2, 1]}]}",
+            "gas={model: filament, turbulence: {kind: none}, wall_images: true, sources: [{position_m: [1.5, 2, 1]}]}",
             "gas.wall_images: expected false in a batch, was true.",
         ),
         (
             "gas={model: filament, sources: [{position_m: [1.5, 2, 1]}],"
             " turbulence: {kind: given, intensity_frac: 0.2, length_m: 0.5}}",
-            "gas.turbulence: expected none in a batch, was given.",
+            "gas.turbulence.kind: expected none in a batch, was given.",
         ),
         ("referee.stop.on_collision=false", "referee.stop.on_collision: expected true in a batch, was false."),
     ],

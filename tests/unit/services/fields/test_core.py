@@ -11,7 +11,7 @@ from gslcosim_services.fields.core import FieldsCore
 
 
 def core_of(make_room, *events, more=()):
-    changes = [f"events=[{', '.join(events)}]", "gas.warm_up_s=2", "gas.step_s=0.1", *more]
+    changes = [f"events=[{', '.join(events)}]", "gas.turbulence.kind=none", "gas.warm_up_s=2", "gas.step_s=0.1", *more]
     core = FieldsCore(load_scenario("tiny_room", overrides=changes).scenario, make_room())
     core.reset(Episode(seed=1))
     return core
