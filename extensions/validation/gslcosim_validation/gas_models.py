@@ -20,6 +20,7 @@ from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, make_model
+from gslcosim.scenario.models.gas import TurbulenceSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_builder import build_gas_field
@@ -43,23 +44,23 @@ THRESHOLD_PER_MEAN = 0.5
 """A whiff is what is above half the record's mean; conditional intensity depends on it."""
 WARM_UP_S = 60.0
 
-# Of a neutral surface layer over open ground, 4 m up: fluctuations across the wind are 1.25 to 1.9 friction velocities
-# (Kaimal and Finnigan 1994, section 1.4), 0.14 of a wind over a roughness of 0.05 m; and 0.43 k^(3/2) / epsilon of the
-# vertical ones is 0.6 times the height. Of lengths from 1.5 to 4 m and fluctuations of 0.12, 0.13, 0.15, 0.17, 0.2 and
-# 0.3 these came nearest to the published statistics, with other seeds (1, 3 and 4) than that of the page; so did the
-# intensity within filaments, which is the default.
-_EDDIES: Mapping[str, Any] = {"kind": "given", "intensity_frac": 0.15, "length_m": 2.0}
+# The defaults, of a neutral surface layer over open ground, 4 m up: fluctuations across the wind are 1.25 to 1.9
+# friction velocities (Kaimal and Finnigan 1994, section 1.4), 0.14 of a wind over a roughness of 0.05 m; and
+# 0.43 k^(3/2) / epsilon of the vertical ones is 0.6 times the height. Of lengths from 1.5 to 4 m and fluctuations of
+# 0.12, 0.13, 0.15, 0.17, 0.2 and 0.3 these came nearest to the published statistics, with other seeds (1, 3 and 4) than
+# that of the page; so did the intensity within filaments.
+_EDDIES = TurbulenceSpec(kind="given")
 # Of 0.1 m/s in the middle, which are 0.3 m/s at the corners of this field.
 _GUSTS: Mapping[str, Any] = {"wind_m_s": (WIND_M_S, 0.0, 0.0), "gust_std_m_s": 0.0984, "gust_period_s": 30.0}
 GAS_SETTINGS: Mapping[str, Mapping[str, Any]] = {
-    "filament": {"model": "filament"},
-    "filament, turbulence": {"model": "filament", "turbulence": _EDDIES},
+    "filament": {"model": "filament", "turbulence": {"kind": "none"}},
+    "filament, turbulence": {"model": "filament", "turbulence": {"kind": "given"}},
     "farrell": {"model": "farrell", "eddy_diffusivity_m2_s": 0.005, "farrell": _GUSTS},
-    "farrell, turbulence": {"model": "farrell", "turbulence": _EDDIES, "farrell": _GUSTS},
+    "farrell, turbulence": {"model": "farrell", "turbulence": {"kind": "given"}, "farrell": _GUSTS},
     "meandering_plume": {"model": "meandering_plume", "plume": {"wind_m_s": (WIND_M_S, 0.0, 0.0)}},
 }
 """Blocks of `gas:` without sources, by names for people."""
-VELOCITY_STD_M_S, LENGTH_M = _EDDIES["intensity_frac"] * WIND_M_S, _EDDIES["length_m"]
+VELOCITY_STD_M_S, LENGTH_M = _EDDIES.intensity_frac * WIND_M_S, _EDDIES.length_m
 K_M2_S2, DISSIPATION_M2_S3 = k_epsilon_from_intensity(VELOCITY_STD_M_S, LENGTH_M)
 """Turbulence energy [m2/s2] and dissipation [m2/s3] of the air in which dispersion is judged, for all settings."""
 TIME_SCALE_S = lagrangian_time_s(K_M2_S2, DISSIPATION_M2_S3)

@@ -140,10 +140,11 @@ class TurbulenceSpec(KindedSpec):
     """Turbulence that moves and spreads filaments, and that instruments sense.
 
     `none`: growth and random walk without memory. `wind`: its strength follows from the k and epsilon that the wind's
-    solver keeps. `given`: the same everywhere, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's
-    speed, and the integral length `length_m`, but no more than half of the distance between two walls, or the height of
-    ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the
-    gas within filaments as large as the eddies; small filaments have less, and in larger ones it fades.
+    solver keeps. `given`: the same everywhere, with `intensity_frac`, the standard deviation of the velocity along each
+    axis over the mean wind's speed, and the integral length `length_m`, but no more than half of the distance between
+    two walls, or the height of ground under an open sky; `validate` warns of longer ones. `inner_intensity` is standard
+    deviation over mean of the gas within filaments as large as the eddies; small filaments have less, and in larger
+    ones it fades.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -256,9 +257,9 @@ class FilamentsSpec(GasSpec):
     )
     turbulence: TurbulenceSpec | None = Field(
         default=None,
-        description="turbulence in place of growth and eddy diffusivity (absent: `wind` where the built-in solver solves "
-        "with k and epsilon, `given` where a uniform wind blows, else, with `compatibility` and with settings of the "
-        "random walk `none`)",
+        description="turbulence in place of growth and eddy diffusivity (absent: `wind` where the built-in solver "
+        "solves with k and epsilon, `given` where a uniform wind blows; `none` elsewhere, with `compatibility`, and "
+        "with settings of the random walk)",
     )
 
     @property

@@ -226,13 +226,13 @@ def _dispersion_figure(row: str, curves: Mapping[str, _Curve], judged: tuple[flo
 def _fill_rooms(effort: Effort) -> dict[str, list[FullRoom]]:
     room = closed_room()
     still = still_room(room)
-    eddies = {"model": "filament", "turbulence": {"kind": "wind"}}
+    walk, eddies = ({"model": "filament", "turbulence": {"kind": kind}} for kind in ("none", "wind"))
     kinds = {
-        "filament, no mean wind": ({"model": "filament"}, still),
-        "filament, in wind": ({"model": "filament"}, room),
+        "filament, no mean wind": (walk, still),
+        "filament, in wind": (walk, room),
         "filament, turbulence, no mean wind": (eddies, still),
         "filament, turbulence, in wind": (eddies, room),
-        "filament, wall_images": ({"model": "filament", "wall_images": True}, still),
+        "filament, wall_images": ({**walk, "wall_images": True}, still),
     }
     return {
         name: [

@@ -2,11 +2,9 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from gslcosim_validation import read_measured
 from gslcosim_validation.cases import load_case
@@ -37,12 +35,6 @@ def test_each_setting_gives_a_record_that_follows_from_its_seed(name):
     assert first.any()
     np.testing.assert_array_equal(first, second)
     assert (first != other).any()
-
-
-def test_the_preset_of_the_page_on_gas_is_what_is_scored():
-    page = (Path(__file__).parents[4] / "docs" / "gas.md").read_text(encoding="utf-8")
-    block = page.split("Preset: plumes as measured")[1].split("```")[1].removeprefix("yaml")
-    assert yaml.safe_load(block)["gas"]["turbulence"] == dict(GAS_SETTINGS["filament, turbulence"]["turbulence"])
 
 
 def test_the_farthest_distance_leaves_out_what_no_law_is_for():
