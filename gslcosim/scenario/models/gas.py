@@ -271,7 +271,7 @@ class FilamentsSpec(GasSpec):
         """Return this gas with turbulence and images at walls chosen where they are absent.
 
         Args:
-            kind: What the room's wind allows.
+            kind: That of turbulence in the room's wind; absent: none.
         """
         walks = {"growth_m2_s", "eddy_diffusivity_m2_s"} & self.model_fields_set
         is_walk = self.compatibility != "none" or self.is_in_open_air or bool(walks)
