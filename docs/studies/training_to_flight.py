@@ -69,7 +69,11 @@ ELSEWHERE: dict[str, tuple[tuple[str | Path, tuple[str, ...]], ...]] = {
     "elsewhere_open": (
         (
             "warehouse_empty",
-            ("agents[0].vehicle={model: holonomic, start_m: random, search_height_m: 2, hold_s: 0.5}", EQUIPPED[0]),
+            (
+                "agents[0].vehicle={model: holonomic, start_m: random, search_height_m: 2, hold_s: 0.5}",
+                "gas.turbulence.kind=none",
+                EQUIPPED[0],
+            ),
         ),
         *((METHODS / f"{name}.yaml", EQUIPPED) for name in ("meander", "field", "settled")),
     ),
