@@ -10,7 +10,7 @@ from built_scenarios import NOSE, build_agent, build_scenario
 from hypothesis import HealthCheck, settings
 from marked_files import MISREAD, find_misread, is_left_out, is_whole_suite
 
-from gslcosim.environment.geometry_source import build_still_environment
+from gslcosim.environment.geometry_source import build_unsolved_environment
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
@@ -100,11 +100,11 @@ def make_scenario() -> Callable[..., Scenario]:
 
 @pytest.fixture
 def room_with_gate() -> Callable[..., tuple[Scenario, Environment]]:
-    """Return a function that makes `event_door` with given events, and its rooms in still air, as cores know them."""
+    """Return a function that makes `event_door` with given events, and its rooms in even wind, as cores know them."""
 
     def build(*events: str, changes: Sequence[str] = ()) -> tuple[Scenario, Environment]:
         overrides = [f"events=[{', '.join(events)}]", *changes]
         loaded = load_scenario("event_door", overrides=overrides)
-        return loaded.scenario, build_still_environment(loaded.scenario, scenario_dir=loaded.directory)
+        return loaded.scenario, build_unsolved_environment(loaded.scenario, scenario_dir=loaded.directory)
 
     return build

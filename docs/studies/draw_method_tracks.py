@@ -100,7 +100,8 @@ class Tracked(Agent):
 def case_of(name: str, card: MethodCard) -> Scenario:
     """Return the scenario of a method's picture."""
     n_robots = card.robots if isinstance(card.robots, int) else min(max(N_ROBOTS, card.robots[0]), card.robots[1])
-    fields = load_scenario(CASE, overrides=("gas.turbulence.kind=none",)).scenario.model_dump(by_alias=True, exclude_unset=True)
+    loaded = load_scenario(CASE, overrides=("gas.turbulence.kind=none",))
+    fields = loaded.scenario.model_dump(by_alias=True, exclude_unset=True)
     vehicle = fields["agents"][0]["vehicle"]
     fields["agents"] = [
         {

@@ -68,8 +68,8 @@ def find_source_problems(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_di
     return _problems_with_doors(_room_without_doors(spec, wind, scenario_dir), spec)
 
 
-def build_still_environment(scenario: Scenario, *, scenario_dir: Path) -> Environment:
-    """Return the environment of a scenario with its variants, all without wind.
+def build_unsolved_environment(scenario: Scenario, *, scenario_dir: Path) -> Environment:
+    """Return the environment of a scenario with its variants, all in the even wind of their inlets.
 
     Args:
         scenario: Its environment is any but one with a `path`.
@@ -82,4 +82,5 @@ def build_still_environment(scenario: Scenario, *, scenario_dir: Path) -> Enviro
 
 def _build_room(scenario: Scenario, scenario_dir: Path) -> Environment:
     room = build_geometry(scenario.environment, scenario.wind, scenario_dir=scenario_dir)
-    return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))
+    velocity_m_s = np.full((1, *room.grid.shape, 3), scenario.wind.inlet_velocity_m_s, np.float32)
+    return with_wind(room, WindFrames(velocity_m_s=velocity_m_s, k_epsilon=np.ones((*room.grid.shape, 2), np.float32)))

@@ -196,7 +196,7 @@ def _compile_environments(scenarios: Sequence[str]) -> None:
 
 def _compile_services(source: str) -> None:
     from gslcosim.base.files import ScratchFolder
-    from gslcosim.environment.geometry_source import build_still_environment, find_folder
+    from gslcosim.environment.geometry_source import build_unsolved_environment, find_folder
     from gslcosim.environment.store import load_environment, save_environment
     from gslcosim.runtime.distributed.service_main import import_shared_modules
     from gslcosim.runtime.run_dir import RunDir
@@ -211,9 +211,9 @@ def _compile_services(source: str) -> None:
             environment = load_environment(find_folder(scenario.environment, directory))
         else:
             # As a run loads it: other kernels belong to arrays that can be written.
-            still, room = build_still_environment(scenario, scenario_dir=directory), scratch.path / "room"
-            save_environment(still, room)
-            environment = replace(load_environment(room), later_rooms=still.later_rooms)
+            unsolved, room = build_unsolved_environment(scenario, scenario_dir=directory), scratch.path / "room"
+            save_environment(unsolved, room)
+            environment = replace(load_environment(room), later_rooms=unsolved.later_rooms)
         setup = RunSetup(
             run_dir=RunDir(scratch.path), scenario=scenario, environment_dir=directory, environment=environment
         )
