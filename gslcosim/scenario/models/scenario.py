@@ -554,11 +554,28 @@ class Scenario(Spec):
         if not isinstance(gas, FilamentsSpec):
             return self
         has_k = self.solves_wind and isinstance(wind, WindSpec) and wind.turbulence in ("k_epsilon", "rng_k_epsilon")
-        blows = self.environment.path is None and wind.solver == "uniform" and any(wind.inlet_velocity_m_s)
-        gas = gas.with_turbulence("wind" if has_k else "given" if blows else None)
+        is_uniform = self.environment.path is None and wind.solver == "uniform"
+        blows = any(wind.inlet_velocity_m_s)
+        gas = gas.with_turbulence("wind" if has_k else "given" if is_uniform and blows else None)
         object.__setattr__(self, "gas", gas)
-        if has_k and gas.eddies is not None and gas.eddies.kind == "wind":
+        kind = "none" if gas.eddies is None else gas.eddies.kind
+        is_solved_otherwise = self.solves_wind or wind.solver in ("uniform", "openfoam")
+        if kind == "wind" and has_k:
             object.__setattr__(self, "wind", wind.model_copy(update={"keep_turbulence": True}))
+        elif kind == "wind" and (is_solved_otherwise or wind.file is not None):
+            raise broken_rule_error(
+                key="gas.turbulence.kind",
+                expected="given or none, as this wind has no k and epsilon",
+                found="wind",
+                remedy="Solve it with wind: {solver: built_in, turbulence: k_epsilon}, or leave gas.turbulence out.",
+            )
+        elif kind == "given" and is_uniform and not blows and not gas.is_in_open_air:
+            raise broken_rule_error(
+                key="gas.turbulence.kind",
+                expected="a wind that blows with kind: given",
+                found="still air",
+                remedy="Give wind.inlet_velocity_m_s, or leave gas.turbulence out.",
+            )
         return self
 
     @model_validator(mode="after")
