@@ -146,26 +146,17 @@ def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
 @pytest.mark.slow
 @pytest.mark.tour
 def test_the_command_writes_what_gslcosim_sample_says(importer, tmp_path, capsys):
-    words = [
-        "tiny_room",
-        "--set",
-        "gas.turbulence.kind=none",
-        "--to",
-        "fmu",
-        "--fmu-points",
-        "3",
-        "--fmu-until",
-        "2",
-        "--out",
-        str(tmp_path / "out"),
-    ]
+    room = tmp_path / "tiny_room.yaml"
+    text = (Path(__file__).parents[4] / "scenarios" / "tiny_room.yaml").read_text()
+    room.write_text(text.replace("\ngas:\n", "\ngas:\n  turbulence: {kind: none}\n"))
+    words = [str(room), "--to", "fmu", "--fmu-points", "3", "--fmu-until", "2", "--out", str(tmp_path / "out")]
     assert main(["environment", "export", *words, "--json"]) == 0
     (path,) = json.loads(capsys.readouterr().out)["files"]
     points = tmp_path / "points.csv"
     points.write_text("x_m,y_m,z_m\n1.6,2.1,1.1\n2.5,2,1\n4,2.3,1\n")
     for quantity in ("wind", "gas"):
         out = str(tmp_path / f"{quantity}.csv")
-        words = ["tiny_room", "--time", "1.7", "--points", str(points), "--quantity", quantity, "--out", out]
+        words = [str(room), "--time", "1.7", "--points", str(points), "--quantity", quantity, "--out", out]
         assert main(["environment", "sample", *words]) == 0
     wind, gas = (np.loadtxt(tmp_path / f"{name}.csv", delimiter=",", skiprows=1)[:, 3:] for name in ("wind", "gas"))
     points_m = np.loadtxt(points, delimiter=",", skiprows=1)[np.newaxis]
