@@ -11,7 +11,7 @@ from contract_vectors import build_vectors
 
 from gslcosim.contract import codec
 from gslcosim.contract.codec import MAX_NESTING
-from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE, KeyEntry
+from gslcosim_conformance.key_table import AGENT_PLACEHOLDER, KEY_TABLE, KeyEntry
 from gslcosim.contract.messages import Ending, Message
 from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
@@ -20,7 +20,7 @@ from gslcosim.contract.participant_messages import (
     ParticipantInputs,
     ParticipantOutputs,
 )
-from gslcosim.contract.schema import (
+from gslcosim_conformance.message_schemas import (
     build_json_schema,
     list_message_types,
     list_participation_types,

@@ -9,7 +9,7 @@ from typing import Any
 from gslcosim.contract import version
 from gslcosim.contract.messages import RECORDED_ONLY, Message
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import list_message_types, prune_schema
+from gslcosim_conformance.message_schemas import list_message_types, prune_schema
 
 _PROSE = ("title", "description")
 

@@ -18,7 +18,7 @@ from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Message
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
-from gslcosim.contract.schema import list_message_types
+from gslcosim_conformance.message_schemas import list_message_types
 
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack

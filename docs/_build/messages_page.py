@@ -11,11 +11,11 @@ from pydantic.fields import FieldInfo
 
 from gslcosim.contract.version import CONTRACT_VERSION
 from gslcosim.contract.codec import MAX_NESTING
-from gslcosim.contract.keys import KEY_TABLE, KeyEntry
+from gslcosim_conformance.key_table import KEY_TABLE, KeyEntry
 from gslcosim.contract.messages import Message, Record
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import list_message_types, list_participation_types
+from gslcosim_conformance.message_schemas import list_message_types, list_participation_types
 
 # Which message travels on which key.
 MESSAGES_BY_KEY = {channel.key: channel.message for channel in KEY_TABLE}

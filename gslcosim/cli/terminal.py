@@ -159,12 +159,6 @@ def escape_library_messages() -> None:
     cast("Any", logging).lastResort = NoteHandler(logging.WARNING)
 
 
-def ask(question: str) -> bool:
-    """Ask a question on standard error; return whether the answer begins with y. The end of the input is a no."""
-    write_prompt(f"{question} [y/N] ")
-    return sys.stdin.readline().strip().lower().startswith("y")
-
-
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return rows as aligned columns under their headings; a pipe gets the same text as a terminal."""
     cells = [[escape_terminal_text(cell, is_one_line=True) for cell in row] for row in (headings, *rows)]

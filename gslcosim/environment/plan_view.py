@@ -1,9 +1,8 @@
-"""Plan view of a room: solids at a height and below it, openings, arrows of wind, and the scale in pixels.
+"""Plan view of a room: solids at a height and below it, openings, and arrows of wind.
 
 Recordings, pictures, films, figures and reports draw it, each with a painter of its own.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -181,55 +180,3 @@ def arrow_vectors(winds_m_s: NDArray[np.floating], spacing_m: float, m_per_m_s: 
     lengths_m = np.linalg.norm(winds_m_s, axis=-1) * m_per_m_s
     shorten = np.minimum(1.0, MAX_LENGTH_SPACINGS * spacing_m / np.maximum(lengths_m, 1e-9))
     return winds_m_s * (m_per_m_s * shorten)[..., None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PixelScale:
-    """Transform from the plan to a picture: x to the right and y up, while pixels count from the upper left.
-
-    Attributes:
-        size_px: Width and height of the picture.
-        room_px: Width and height of the room in it.
-        origin_px: Pixel of the room's lower left corner.
-        origin_m: That corner, world frame [m].
-        px_per_m: Pixels per metre.
-    """
-
-    size_px: tuple[int, int]
-    room_px: tuple[int, int]
-    origin_px: tuple[float, float]
-    origin_m: tuple[float, float]
-    px_per_m: float
-
-    @classmethod
-    def fit(cls, plan: PlanView, size_px: tuple[int, int], margin_px: int = 0) -> "PixelScale":
-        """Return the scale at which a plan fills a picture within a margin, centred."""
-        x0, x1, y0, y1 = plan.extent_m
-        length_m, width_m = x1 - x0, y1 - y0
-        px_per_m = min((size_px[0] - 2 * margin_px) / length_m, (size_px[1] - 2 * margin_px) / width_m)
-        left, bottom = (size_px[0] - length_m * px_per_m) / 2, (size_px[1] + width_m * px_per_m) / 2
-        return cls(
-            size_px=size_px,
-            room_px=(round(length_m * px_per_m), round(width_m * px_per_m)),
-            origin_px=(left, bottom),
-            origin_m=(x0, y0),
-            px_per_m=px_per_m,
-        )
-
-    @classmethod
-    def for_long_side(cls, plan: PlanView, long_side_px: int, margin_px: int = 0) -> "PixelScale":
-        """Return the scale of a picture with a number of pixels along the room's longer side, and a margin around."""
-        x0, x1, y0, y1 = plan.extent_m
-        px_per_m = long_side_px / max(x1 - x0, y1 - y0)
-        width, height = (round(side_m * px_per_m) + 2 * margin_px for side_m in (x1 - x0, y1 - y0))
-        return cls.fit(plan, (width, height), margin_px)
-
-    def pixel(self, place_m: Sequence[float] | NDArray[np.floating]) -> tuple[float, float]:
-        """Return the pixel, right and down, of a place [m] in the room."""
-        (left, bottom), (x0, y0) = self.origin_px, self.origin_m
-        return left + (float(place_m[0]) - x0) * self.px_per_m, bottom - (float(place_m[1]) - y0) * self.px_per_m
-
-    @property
-    def corner_px(self) -> tuple[int, int]:
-        """Upper left pixel of the room."""
-        return round(self.origin_px[0]), round(self.origin_px[1] - self.room_px[1])

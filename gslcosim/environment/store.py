@@ -57,8 +57,7 @@ EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "k_ep
 """Name of a file that is part of an environment; other files are for people and other programs."""
 ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, K_EPSILON_FILE, MESHES_FILE)
 REQUIRED_FILES: frozenset[EnvironmentFile] = frozenset({HEADER_FILE, OCCUPANCY_FILE, WIND_FILE})
-SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
-REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
+REPORT_FILE: Final = "wind_report.json"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
 _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -136,7 +135,7 @@ def save_environment(
         folder: Target; missing parents are created.
         made_from: Plain values of its recipe, kept for people in environment.yaml.
         notices: Sentences about deviations from the scenario, kept for people in environment.yaml.
-        extras: Further files by name, such as `PICTURE_FILE`.
+        extras: Further files by name, such as `REPORT_FILE`.
     """
     _check_finite(environment.wind.velocity_m_s, folder / WIND_FILE)
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ from gslcosim.flow.patches import (
     SlipWall,
     log_profile,
 )
-from gslcosim.flow.report import WindReport, plot_history
+from gslcosim.flow.report import WindReport
 from gslcosim.flow.solve import solve_wind, solve_wind_report
 
 __all__ = [
@@ -28,7 +28,6 @@ __all__ = [
     "WindReport",
     "WindowCheck",
     "log_profile",
-    "plot_history",
     "solve_wind",
     "solve_wind_report",
 ]

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
 from gslcosim.scenario.models.sensors import CameraSensorSpec
 from gslcosim_services.recorder.colors import Rgb, agent_color
-from gslcosim_services.recorder.stream_table import ON_BOARD_STREAMS, SOURCE_MARKS, Stream, on_board_stream
+from gslcosim_services.recorder.stream_table import ON_BOARD_STREAMS, Stream, on_board_stream
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND
 
@@ -91,9 +90,3 @@ def list_gas_names(scenario: Scenario) -> tuple[str, ...]:
     """Return the gases of a scenario, the one that is searched for first."""
     searched = scenario.gas.gas
     return tuple(dict.fromkeys([searched, *(source.gas or searched for source in scenario.gas.sources)]))
-
-
-def source_events(scenario: Scenario) -> list[str]:
-    """Return the paths of the marks of each source's events; none where no source has events."""
-    has_any = any(isinstance(event, SourceEventSpec) for event in scenario.events)
-    return [SOURCE_MARKS.at(source=str(i)) for i in range(len(scenario.gas.sources))] if has_any else []

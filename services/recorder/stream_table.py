@@ -56,11 +56,6 @@ class Stream:
         """Start of the path, which is the same for all of a run."""
         return self.entity.partition("/{")[0]
 
-    @property
-    def is_of_agent(self) -> bool:
-        """True if each agent has one."""
-        return self.entity.startswith(f"{self.root}/{{agent}}")
-
     def at(self, **names: str) -> str:
         """Return the path for names of a run, for example `agent="beetle"`."""
         return self.entity.format(**names)

@@ -10,7 +10,7 @@ from contract_examples import EXAMPLES
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Record
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import list_published_types
+from gslcosim_conformance.message_schemas import list_published_types
 
 
 def records_in(value: object) -> list[Record]:

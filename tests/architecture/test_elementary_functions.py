@@ -20,7 +20,6 @@ ALLOWED = {
     "gslcosim/base/disk_cache.py": "reads sizes that people write",
     "gslcosim/base/elementary_kernels.py": "holds the functions of the same names",
     "gslcosim/contract/record.py": "asks only whether a sum of squares is finite",
-    "gslcosim/environment/picture.py": "draws",
     "gslcosim/environment/store.py": "asks only whether a sum of squares is finite",
     "gslcosim/vehicles/catalogue.py": "asks only for the rank of a matrix of whole parts",
     "services/recorder": "shows what others have computed",

@@ -14,11 +14,11 @@ from contract_hash import hash_schemas
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
-from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
-from gslcosim.contract.schema import list_message_types, list_published_types
 from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.gateway import frame_codec
+from gslcosim_conformance.key_table import AGENT_PLACEHOLDER, KEY_TABLE
+from gslcosim_conformance.message_schemas import list_message_types, list_published_types
 
 FOLDER = Path(__file__).parents[2] / "agents" / "contract"
 TYPES = {item.__name__: item for item in list_published_types()}

@@ -13,8 +13,8 @@ from contract_examples import EXAMPLES
 
 from gslcosim.contract import codec
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import build_json_schema, list_message_types
 from gslcosim.contract.version import CONTRACT_VERSION
+from gslcosim_conformance.message_schemas import build_json_schema, list_message_types
 
 PASTS = [json.loads(path.read_text()) for path in sorted(Path(__file__).parent.glob("contract_*.json"))]
 TYPES = {item.__name__: item for item in list_message_types()}

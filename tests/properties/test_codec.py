@@ -16,7 +16,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Belief, Command, Message, Record
 from gslcosim.contract.record import DTYPES, NumericArray, get_pydantic_model
-from gslcosim.contract.schema import list_message_types
+from gslcosim_conformance.message_schemas import list_message_types
 
 shapes = st_numpy.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)
 arrays = st.sampled_from(sorted(DTYPES)).flatmap(

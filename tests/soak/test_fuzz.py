@@ -18,7 +18,6 @@ from gslcosim.base.rng import stream
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import list_message_types
 from gslcosim.gateway.frame_codec import (
     LENGTH_BYTES,
     MAX_FRAME_BYTES,
@@ -29,6 +28,7 @@ from gslcosim.gateway.frame_codec import (
 )
 from gslcosim.runtime.agents.validator import MAX_EARLY_ANSWERS, MAX_FAULTS, CommandValidator
 from gslcosim_conformance.answers import read_answer
+from gslcosim_conformance.message_schemas import list_message_types
 from gslcosim_conformance.scripted_world import ScriptedWorld, build_briefing
 
 MAX_GROWTH_MB = 200

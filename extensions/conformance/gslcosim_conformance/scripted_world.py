@@ -18,8 +18,6 @@ from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.environment_messages import PROBES, WIND, ProbeSamples, SourceRate, WindShare, build_source_port
-from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
-from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import (
     Bounds,
     Briefing,
@@ -45,7 +43,6 @@ from gslcosim.contract.participant_messages import (
     find_room_output,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.schema import list_published_types
 from gslcosim.contract.version import CONTRACT_HASH, CONTRACT_VERSION
 from gslcosim.methods.card import Needs
 from gslcosim_conformance.example_instruments import (
@@ -60,6 +57,9 @@ from gslcosim_conformance.example_instruments import (
     build_samples,
     build_sensors,
 )
+from gslcosim_conformance.key_table import AGENT_PLACEHOLDER as ANY_AGENT
+from gslcosim_conformance.key_table import KEY_TABLE
+from gslcosim_conformance.message_schemas import list_published_types
 
 AGENT = "agent_1"
 OTHER_AGENT = "agent_2"

@@ -38,7 +38,9 @@ _SHARED_ENTITIES = tuple(
 )
 _LOGS = tuple(log.entity for log in streams.LOGS)
 # The next part of the path is an agent's name.
-_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in streams.STREAMS if stream.is_of_agent))
+_AGENT_ENTITIES = tuple(
+    dict.fromkeys(each.root for each in streams.STREAMS if each.entity.startswith(f"{each.root}/{{agent}}"))
+)
 # Static entities that are copied, not drawn again.
 _COPIED_STATIC_ENTITIES = (streams.BELIEF.root, streams.SLICES.root)
 # Plots with a line at the tick at which runs diverge.

@@ -17,11 +17,11 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion
-from gslcosim.environment.picture import PlanPainter
-from gslcosim.environment.plan_view import PixelScale, PlanView
+from gslcosim.environment.plan_view import PlanView
 from gslcosim_data.free_camera import FreeCamera, project_points
 from gslcosim_data.run import RunData
 from gslcosim_data.streams import RecordedSeries, RecordedTrack
+from gslcosim_formats.plan_pictures import PixelScale, PlanPainter
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb, agent_color
 from gslcosim_services.recorder.stream_table import DISTANCE, MIXING_RATIO, RESPONSE

@@ -7,10 +7,10 @@ from typing import Any
 from gslcosim.base.errors import ExitCode, ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
-from gslcosim.contract import keys
+from gslcosim.contract import codec, keys
 from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.digest import RunDigest
+from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
@@ -89,7 +89,7 @@ def prepare_fork(
         raise UsageError(
             f"--at {at_s:g}: expected a time above 0 and up to the end of {past.run_dir.run_id} at {last_s:g} s."
         )
-    past.check_inputs()
+    check_inputs(past)
     loaded = _load_forked_scenario(past, overrides, checks)
     check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
     snapshot, note = find_snapshot_before(past, at_tick) if uses_snapshots else (None, "")
@@ -103,6 +103,25 @@ def prepare_fork(
     fork = Fork(past=past, at_tick=at_tick, loaded=loaded, snapshot=snapshot, note=note)
     _check_agents(fork)
     return fork
+
+
+def check_inputs(past: PastRun) -> None:
+    """Compare `inputs.log` of a run with the chains of commands in `digest.json`, if there is one."""
+    past.check_flown_here()
+    if past.digest is None:
+        return
+    for agent in past.scenario.agents:
+        trail = past.digest.trails.get(keys.command(agent.name), HashChain())
+        found = HashChain()
+        for tick, command in sorted(past.commands.get(agent.name, {}).items()):
+            found.append(tick, codec.encode(command))
+        found = found.until(past.last_tick)
+        if (found.ticks, found.links) != (trail.ticks, trail.links):
+            raise UsageError(
+                f"{past.run_dir.run_id}: expected the {len(trail.ticks)} commands of {agent.name} in inputs.log that "
+                f"digest.json has a hash of, were others ({len(found.ticks)}). Bring back the files as the run has "
+                f"left them.\nFile: {past.run_dir.inputs}"
+            )
 
 
 def run_fork(

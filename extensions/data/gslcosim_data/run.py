@@ -16,6 +16,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import first_variant
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim_data import streams
 from gslcosim_data.recording_reader import RecordingReader
 from gslcosim_data.streams import (
@@ -31,8 +32,17 @@ from gslcosim_data.streams import (
     RecordedTexts,
     RecordedTrack,
 )
-from gslcosim_services.recorder.entities import build_entities, source_events
-from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS, Stream
+from gslcosim_services.recorder.entities import build_entities
+from gslcosim_services.recorder.stream_table import (
+    CONTACTS,
+    EVENTS,
+    FAULTS,
+    MARKS,
+    RADIO,
+    SOURCE_MARKS,
+    WAYPOINTS,
+    Stream,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -197,8 +207,10 @@ class RunData:
     @cached_property
     def source_marks(self) -> tuple[RecordedPoints, ...]:
         """For each source what happened to it where; nothing where no event is about a source."""
-        found = source_events(self.scenario)
-        return tuple(streams.read_points(self._rows, self.scenario, entity) for entity in found)
+        if not any(isinstance(event, SourceEventSpec) for event in self.scenario.events):
+            return ()
+        entities = (SOURCE_MARKS.at(source=str(i)) for i in range(len(self.scenario.gas.sources)))
+        return tuple(streams.read_points(self._rows, self.scenario, entity) for entity in entities)
 
     @cached_property
     def beliefs(self) -> Mapping[str, RecordedBeliefs]:

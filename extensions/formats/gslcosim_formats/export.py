@@ -13,8 +13,6 @@ from pyevtk.vtk import VtkGroup
 
 from gslcosim.environment.export_folder import ExportResult, build_file_name, create_export_folder
 from gslcosim.environment.model import Box, Cell, Environment
-from gslcosim.environment.scene_file import build_mjcf
-from gslcosim.environment.store import SCENE_FILE
 from gslcosim.scenario import Scenario
 from gslcosim_formats.data_files import (
     BINARY_MARK,
@@ -25,6 +23,7 @@ from gslcosim_formats.data_files import (
 )
 from gslcosim_formats.datasets import GriddedFormat, build_environment_dataset, write_dataset
 from gslcosim_formats.environment_folders import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
+from gslcosim_formats.scene_file import SCENE_FILE, build_mjcf
 
 # Corners 0 to 7 are x, y, z low or high, in binary; triangles turn left seen from outside.
 _BOX_FACES = np.array(

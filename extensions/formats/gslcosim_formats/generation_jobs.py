@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from gslcosim.base.errors import GslCosimError, MachineError, build_machine_error, build_path_error
@@ -13,6 +14,7 @@ from gslcosim.environment.generation.wind import Progress, no_progress
 from gslcosim.environment.model import Cell
 from gslcosim.environment.positions import random_free_point_m
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
+from gslcosim_formats.environment_views import draw_views
 from gslcosim_formats.recipes import Recipe
 from gslcosim_formats.worker_process import run_tasks
 
@@ -127,7 +129,7 @@ def _made(order: GenerationJob, progress: Progress | None = None) -> GenerationR
             order.wind,
             order.folder,
             scenario_dir=order.scenario_dir,
-            sources_m=order.sources_m,
+            draw_views=partial(draw_views, sources_m=order.sources_m),
             progress=progress,
         )
         rng = stream(order.seed, "layout.random_source")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.generation.builder import save_with_scene_and_picture
 from gslcosim.environment.generation.cache import recipe as plain_recipe
 from gslcosim.environment.generation.wind import Progress, build_patches, no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
@@ -22,11 +21,12 @@ from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, Environment, WindFrames, point_text, raise_if_any, with_wind
 from gslcosim.environment.positions import find_point_problems
-from gslcosim.flow.report import matplotlib_figure_type
 from gslcosim.scenario.models.geometry import Layout
 from gslcosim.scenario.models.wind import WindSpec
+from gslcosim_formats.environment_views import save_with_views
 from gslcosim_formats.recipes import Recipe
 from gslcosim_formats.solver_comparison import SolverComparison, compare_solvers
+from gslcosim_formats.wind_plots import matplotlib_figure_type
 
 # A safety factor of three or more meshes, Roache 1994.
 SAFETY = 1.25
@@ -338,7 +338,7 @@ def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | Non
     for solver, velocity_m_s in (("built_in", compared.built_in_m_s), ("openfoam", compared.openfoam_m_s)):
         made_from = plain_recipe(recipe.environment, wind.model_copy(update={"solver": solver}))
         environment = with_wind(room, WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
-        save_with_scene_and_picture(
+        save_with_views(
             environment, folder / solver, made_from=made_from, notices=room.notices, sources_m=recipe.sources_m
         )
     (folder / COMPARISON_FILE).write_text(json.dumps(comparison_to_json(compared), indent=2), encoding="utf-8")

@@ -12,8 +12,8 @@ from PIL import ImageDraw
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import Environment
-from gslcosim.environment.picture import PlanPainter
-from gslcosim.environment.plan_view import PixelScale, PlanView
+from gslcosim.environment.plan_view import PlanView
+from gslcosim_formats.plan_pictures import PixelScale, PlanPainter
 from gslcosim_search.learned.encoding import (
     WIND,
     WORLD,

@@ -1,25 +1,23 @@
-"""Builder of environments: geometry, wind, scene and picture into a folder."""
+"""Builder of environments: geometry and wind into a folder."""
 
-import io
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gslcosim import flow
-from gslcosim.base.errors import FlowError
-from gslcosim.base.quantities import Vec3
 from gslcosim.environment.generation.cache import recipe
 from gslcosim.environment.generation.wind import Progress, no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Environment, with_wind
-from gslcosim.environment.picture import top_view_png
-from gslcosim.environment.scene_file import build_mjcf
-from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, SCENE_FILE, save_environment
+from gslcosim.environment.store import REPORT_FILE, save_environment
 from gslcosim.environment.variants import fill_still_air
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
+
+# From an environment, and the report of its wind if that was solved, its views for people and other programs: files by
+# name.
+DrawViews = Callable[[Environment, flow.WindReport | None], Mapping[str, bytes]]
 
 _log = logging.getLogger(__name__)
 
@@ -38,17 +36,17 @@ def generate_environment(
     folder: Path,
     *,
     scenario_dir: Path | None = None,
-    sources_m: Sequence[Vec3] = (),
+    draw_views: DrawViews | None = None,
     progress: Progress | None = None,
 ) -> BuildResult:
-    """Generate an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
+    """Generate an environment and save it to a folder; nothing is cached.
 
     Args:
         spec: Origin of the room; any but a `path`, which is an environment already.
         wind: The air's motion and the grid's cell size.
         folder: Target; an environment there is replaced.
         scenario_dir: Base folder of relative paths.
-        sources_m: Sources of gas to show in the picture, world frame [m].
+        draw_views: Returns views of it, which are saved beside it; absent: none.
         progress: Receives the current step and its fraction done, from 0 to 1.
     """
     progress = progress or no_progress
@@ -60,52 +58,9 @@ def generate_environment(
     for notice in notices:
         _log.info(notice)
     environment = with_wind(room, made.frames)
-    save_with_scene_and_picture(
-        environment,
-        folder,
-        made_from=recipe(spec, wind),
-        notices=notices,
-        sources_m=sources_m,
-        extras=_report_files(made.report),
-    )
+    extras = {} if draw_views is None else dict(draw_views(environment, made.report))
+    if made.report is not None:
+        extras[REPORT_FILE] = json.dumps(made.report.summary(), indent=2).encode()
+    save_environment(environment, folder, made_from=recipe(spec, wind), notices=notices, extras=extras)
     progress("Saving the environment", 1.0)
     return BuildResult(environment=environment, notices=notices)
-
-
-def save_with_scene_and_picture(
-    environment: Environment,
-    folder: Path,
-    *,
-    made_from: Mapping[str, Any],
-    notices: Sequence[str],
-    sources_m: Sequence[Vec3] = (),
-    extras: Mapping[str, bytes] | None = None,
-) -> None:
-    """Save an environment with its scene for other programs and its picture for people.
-
-    Args:
-        environment: The environment.
-        folder: Target; an environment there is replaced.
-        made_from: Its recipe.
-        notices: Notices about it.
-        sources_m: Sources of gas to show in the picture, world frame [m].
-        extras: Further files by name.
-    """
-    views = {
-        SCENE_FILE: build_mjcf(environment).encode(),
-        PICTURE_FILE: top_view_png(environment, sources_m=sources_m),
-    }
-    save_environment(environment, folder, made_from=made_from, notices=notices, extras={**views, **(extras or {})})
-
-
-# The solver's report: figures, and a plot where the extra for plots is installed.
-def _report_files(report: flow.WindReport | None) -> dict[str, bytes]:
-    if report is None:
-        return {}
-    files = {REPORT_FILE: json.dumps(report.summary(), indent=2).encode()}
-    picture = io.BytesIO()
-    try:
-        flow.plot_history(report, picture)
-    except FlowError:
-        return files
-    return {**files, HISTORY_FILE: picture.getvalue()}

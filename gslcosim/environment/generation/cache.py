@@ -95,8 +95,8 @@ def sources(wind: SolverSpec, readers: Iterable[str]) -> list[Path]:
     elif wind.solves:
         parts.append("gslcosim/flow")
     parts += [name for name in readers if name in get_code_roots()]
-    # Checks of positions, and pictures, have no effect on the environment itself.
-    return [path for path in list_package_files(*parts) if path.name not in ("positions.py", "picture.py")]
+    # Checks of positions have no effect on the environment itself.
+    return [path for path in list_package_files(*parts) if path.name != "positions.py"]
 
 
 # All code of the package, because the part that matters is unknown, and its version for compiled parts.

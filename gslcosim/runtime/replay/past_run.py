@@ -3,18 +3,18 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import TypedDict
 
 from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import ContractError, EnvironmentDataError, UsageError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
-from gslcosim.contract import codec, keys
+from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.version import CONTRACT_HASH
 from gslcosim.environment.generation.cache import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.digest import HashChain, RunDigest
+from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.replay.snapshot import Snapshot, find_nearest_snapshot
 from gslcosim.runtime.run_dir import RunDir, RunResult
 from gslcosim.runtime.services import build_dataflow, list_service_names
@@ -83,22 +83,6 @@ class PastRun:
                 f"{self.run_dir.run_id}: expected a run of gslcosim, was a flight from elsewhere that was imported: "
                 "there is nothing that could be repeated. Fly its scenario with gslcosim up."
             )
-
-    def check_inputs(self) -> None:
-        """Compare `inputs.log` with the chains of commands in `digest.json`, if there is one."""
-        self.check_flown_here()
-        for agent in self.scenario.agents if self.digest else ():
-            trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), HashChain())
-            found = HashChain()
-            for tick, command in sorted(self.commands.get(agent.name, {}).items()):
-                found.append(tick, codec.encode(command))
-            found = found.until(self.last_tick)
-            if (found.ticks, found.links) != (trail.ticks, trail.links):
-                raise UsageError(
-                    f"{self.run_dir.run_id}: expected the {len(trail.ticks)} commands of {agent.name} in inputs.log "
-                    f"that digest.json has a hash of, were others ({len(found.ticks)}). Bring back the files as the "
-                    f"run has left them.\nFile: {self.run_dir.inputs}"
-                )
 
 
 def find_snapshot_before(past: PastRun, tick: int) -> tuple[Snapshot | None, str]:

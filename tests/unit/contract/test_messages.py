@@ -10,7 +10,7 @@ from gslcosim.contract import codec, keys, messages
 from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, Declaration, Message, Note, Reading, Score
 from gslcosim.contract.record import get_pydantic_model
-from gslcosim.contract.schema import list_message_types
+from gslcosim_conformance.message_schemas import list_message_types
 
 
 def body(agent: str, *, awaiting_command: bool) -> BodyState:

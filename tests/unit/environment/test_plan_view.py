@@ -1,4 +1,4 @@
-"""The plan view: what is solid where, the lines around cells, openings, arrows, and pixels."""
+"""The plan view: what is solid where, the lines around cells, openings and arrows."""
 
 import dataclasses
 
@@ -8,7 +8,6 @@ import pytest
 from gslcosim.environment.model import Opening
 from gslcosim.environment.plan_view import (
     MAX_LENGTH_SPACINGS,
-    PixelScale,
     PlanView,
     arrow_vectors,
     scale_of_arrows,
@@ -101,17 +100,3 @@ def test_arrows_stand_in_air_and_go_with_the_speed(make_room):
     np.testing.assert_allclose(np.linalg.norm(arrows_m[3]), MAX_LENGTH_SPACINGS * 2.0)
     assert not arrows_m[2].any()
     assert scale_of_arrows(np.zeros(4), 2.0) == 0.0
-
-
-@pytest.mark.parametrize("size_px", [(640, 480), (200, 900)])
-def test_the_room_fills_the_picture_but_for_its_margin(make_room, size_px):
-    plan = PlanView.of(make_room(), 1.0)
-    scale = PixelScale.fit(plan, size_px, 20)
-    x0, x1, y0, y1 = plan.extent_m
-    (left, bottom), (right, upper) = scale.pixel((x0, y0)), scale.pixel((x1, y1))
-    assert min(left, upper) == pytest.approx(20)
-    assert left + right == pytest.approx(size_px[0])
-    assert upper + bottom == pytest.approx(size_px[1])
-    assert (right - left) / (x1 - x0) == pytest.approx((bottom - upper) / (y1 - y0))
-    assert scale.corner_px == pytest.approx((left, upper), abs=1.0)
-    assert scale.room_px == pytest.approx((right - left, bottom - upper), abs=0.5)

@@ -1,13 +1,11 @@
-"""What a solve tells beside the wind: frames over time, the history of steps, a summary, a picture."""
+"""What a solve tells beside the wind: frames over time, the history of steps, a summary."""
 
-import importlib
 import json
 
 import numpy as np
 import pytest
 
-from gslcosim.base.errors import FlowError
-from gslcosim.flow import Inlet, Outlet, plot_history, solve_wind_report
+from gslcosim.flow import Inlet, Outlet, solve_wind_report
 
 CELL_M = 0.25
 SHAPE = (14, 10, 7)
@@ -76,22 +74,3 @@ def test_the_summary_is_json():
     assert 0 < summary["mean_speed_m_s"] < summary["max_speed_m_s"] < 2
     assert summary["n_frames"] > 1
     assert solved().summary()["settling"] is None
-
-
-@pytest.mark.slow
-def test_the_history_is_drawn(tmp_path):
-    plot_history(solved(end_time_s=None), tmp_path / "history.png")
-    assert (tmp_path / "history.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_without_matplotlib_a_plot_says_what_to_install(tmp_path, monkeypatch):
-    real = importlib.import_module
-
-    def refuse(name, *args):
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *args)
-
-    monkeypatch.setattr(importlib, "import_module", refuse)
-    with pytest.raises(FlowError, match=r"pip install matplotlib"):
-        plot_history(solved(end_time_s=0.1), tmp_path / "history.png")

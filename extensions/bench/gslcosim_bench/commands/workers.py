@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import parse_positive_number
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.terminal import ask, write_note
+from gslcosim.cli.terminal import write_note, write_prompt
 
 if TYPE_CHECKING:
     from gslcosim_bench.cases import LoadedSuite, Plan
@@ -50,9 +50,15 @@ def confirm_put_aside(arguments: argparse.Namespace) -> "Callable[[StaleRows], b
                 "--results."
             )
         write_note(f"{stale.folder}: {stale}. They are moved to a folder beside and run again.")
-        return arguments.yes or ask("Continue?")
+        return arguments.yes or _ask("Continue?")
 
     return confirm
+
+
+# The end of the input is a no.
+def _ask(question: str) -> bool:
+    write_prompt(f"{question} [y/N] ")
+    return sys.stdin.readline().strip().lower().startswith("y")
 
 
 def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:

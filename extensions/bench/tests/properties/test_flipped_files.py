@@ -30,6 +30,7 @@ from gslcosim_bench.store import (
     build_tables,
     pack_tracks,
 )
+from gslcosim_data.fork import check_inputs
 from gslcosim_services.fields.tape import GasTape
 
 N_FLIPS = 200
@@ -276,7 +277,7 @@ def run(tmp_path):
 
 def read_run(folder):
     past = PastRun.load(folder)
-    past.check_inputs()
+    check_inputs(past)
     summary = read_run_summary(folder)
     if summary.state != "ended" or not summary.scenario:
         raise MalformedFileError("expected a run that has ended, was a broken one")

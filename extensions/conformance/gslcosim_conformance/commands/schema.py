@@ -71,7 +71,7 @@ def _export_file_schemas(folder: Path, *, is_json: bool) -> int:
 # Return the names of the files, the index files first, then the files of each message.
 def _copy_contract(folder: Path) -> list[str]:
     from gslcosim.base.bundled import bundled_contract
-    from gslcosim.contract.schema import list_published_types
+    from gslcosim_conformance.message_schemas import list_published_types
 
     files = ["README.md", "contract.json", "asyncapi.yaml", "participation.yaml"]
     files += [f"{part}/{item.__name__}.json" for item in list_published_types() for part in ("schemas", "vectors")]

@@ -45,8 +45,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation.builder import save_with_scene_and_picture
     from gslcosim_formats.environment_folders import NOTICE
+    from gslcosim_formats.environment_views import save_with_views
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -56,7 +56,7 @@ def _run(arguments: argparse.Namespace) -> int:
         "imported_from": str(arguments.source.resolve()),
         "wind": str(arguments.wind.resolve()) if arguments.wind is not None else None,
     }
-    save_with_scene_and_picture(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
+    save_with_views(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
     _write_summary(arguments, environment, notices)
     return 0
 

@@ -103,7 +103,7 @@ def test_the_recipe_names_all_code_that_decides_the_result():
 
 def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_again():
     names = {path.name for path in list_sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
-    assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "export.py", "positions.py", "scoring_paths.py"})
+    assert names.isdisjoint({"stl.py", "vtk.py", "export.py", "positions.py", "scoring_paths.py"})
     assert names >= {"grid_kernels.py", "geometry_source.py", "store.py", "solver.py", "domain.py"}
     assert names & {path.name for path in (Path(gslcosim.__file__).parent / "environment" / "layouts").glob("*.py")}
 
@@ -164,9 +164,3 @@ def test_the_built_in_solver_blows_from_the_inlet_around_the_obstacle_to_the_out
     assert len(fractions) > 1
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
-
-
-def test_a_scene_and_a_picture_are_beside_the_environment(tmp_path):
-    folder = prepare_environment(scenario(), cache_dir=tmp_path)
-    assert (folder / "top_view.png").read_bytes().startswith(b"\x89PNG")
-    assert 'name="box"' in (folder / "scene.xml").read_text()

@@ -33,7 +33,15 @@ def test_a_scenario_becomes_a_folder_with_a_picture(tmp_path, capsys):
     (made,) = json.loads(capsys.readouterr().out)
     environment = load_environment(out)
     assert (made["content_hash"], made["error"]) == (environment.content_hash, None)
-    assert (out / "top_view.png").is_file()
+    assert (out / "top_view.png").read_bytes().startswith(b"\x89PNG")
+    assert all(f'name="{box.name}"' in (out / "scene.xml").read_text() for box in environment.boxes)
+
+
+@pytest.mark.slow
+def test_a_solved_wind_comes_with_the_plot_of_its_solve(layout_file, tmp_path):
+    layout = layout_file(LAYOUT.replace("solver: uniform", "solver: built_in, end_time_s: 1"))
+    assert generate(layout, "--out", str(tmp_path / "room")) == 0
+    assert (tmp_path / "room" / "wind_history.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_many_have_their_own_seeds_and_folders(layout_file, tmp_path, capsys):

@@ -9,8 +9,10 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.environment.model import Grid
-from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
+from gslcosim.environment.store import load_environment
 from gslcosim_formats.data_files import format_occupancy
+from gslcosim_formats.environment_views import PICTURE_FILE
+from gslcosim_formats.scene_file import SCENE_FILE
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, WindFrames, with_wind
 from gslcosim.environment.openings import voxelize
-from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.scenario.models.geometry import SimpleWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim_formats.export import build_stl
 from gslcosim_formats.geometry.solid_geometry import geometry_from_files
 from gslcosim_formats.scenario_keys import GeometrySpec
+from gslcosim_formats.scene_file import build_mjcf
 
 
 def box(min_m, max_m):

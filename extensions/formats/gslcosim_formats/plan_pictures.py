@@ -1,7 +1,8 @@
-"""Pictures of a room from above: a painter of plan views, and the picture in an environment's folder."""
+"""Pictures of a room from above: scale in pixels, painter of plan views, and picture in an environment's folder."""
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +10,7 @@ from PIL import Image, ImageDraw
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import Box, Environment
-from gslcosim.environment.plan_view import (
-    PixelScale,
-    PlanView,
-    arrow_vectors,
-    scale_of_arrows,
-    space_arrows,
-)
+from gslcosim.environment.plan_view import PlanView, arrow_vectors, scale_of_arrows, space_arrows
 
 Rgb = tuple[int, int, int]
 
@@ -27,6 +22,58 @@ _MIN_ARROW_PX = 2.0
 
 PAPER, FLOOR, EDGE = (24, 27, 33), (52, 57, 66), (120, 128, 140)
 WIND, INLET, OUTLET, SOURCE = (150, 200, 255), (76, 160, 255), (205, 130, 255), (255, 72, 72)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelScale:
+    """Transform from the plan to a picture: x to the right and y up, while pixels count from the upper left.
+
+    Attributes:
+        size_px: Width and height of the picture.
+        room_px: Width and height of the room in it.
+        origin_px: Pixel of the room's lower left corner.
+        origin_m: That corner, world frame [m].
+        px_per_m: Pixels per metre.
+    """
+
+    size_px: tuple[int, int]
+    room_px: tuple[int, int]
+    origin_px: tuple[float, float]
+    origin_m: tuple[float, float]
+    px_per_m: float
+
+    @classmethod
+    def fit(cls, plan: PlanView, size_px: tuple[int, int], margin_px: int = 0) -> "PixelScale":
+        """Return the scale at which a plan fills a picture within a margin, centred."""
+        x0, x1, y0, y1 = plan.extent_m
+        length_m, width_m = x1 - x0, y1 - y0
+        px_per_m = min((size_px[0] - 2 * margin_px) / length_m, (size_px[1] - 2 * margin_px) / width_m)
+        left, bottom = (size_px[0] - length_m * px_per_m) / 2, (size_px[1] + width_m * px_per_m) / 2
+        return cls(
+            size_px=size_px,
+            room_px=(round(length_m * px_per_m), round(width_m * px_per_m)),
+            origin_px=(left, bottom),
+            origin_m=(x0, y0),
+            px_per_m=px_per_m,
+        )
+
+    @classmethod
+    def for_long_side(cls, plan: PlanView, long_side_px: int, margin_px: int = 0) -> "PixelScale":
+        """Return the scale of a picture with a number of pixels along the room's longer side, and a margin around."""
+        x0, x1, y0, y1 = plan.extent_m
+        px_per_m = long_side_px / max(x1 - x0, y1 - y0)
+        width, height = (round(side_m * px_per_m) + 2 * margin_px for side_m in (x1 - x0, y1 - y0))
+        return cls.fit(plan, (width, height), margin_px)
+
+    def pixel(self, place_m: Sequence[float] | NDArray[np.floating]) -> tuple[float, float]:
+        """Return the pixel, right and down, of a place [m] in the room."""
+        (left, bottom), (x0, y0) = self.origin_px, self.origin_m
+        return left + (float(place_m[0]) - x0) * self.px_per_m, bottom - (float(place_m[1]) - y0) * self.px_per_m
+
+    @property
+    def corner_px(self) -> tuple[int, int]:
+        """Upper left pixel of the room."""
+        return round(self.origin_px[0]), round(self.origin_px[1] - self.room_px[1])
 
 
 class PlanPainter:

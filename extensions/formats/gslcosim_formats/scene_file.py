@@ -5,6 +5,8 @@ from xml.etree import ElementTree
 
 from gslcosim.environment.model import Box, Environment
 
+SCENE_FILE = "scene.xml"
+
 
 def build_mjcf(environment: Environment) -> str:
     """Return the MJCF of a room: one box geom or light of the same name for each of its boxes and lights."""
