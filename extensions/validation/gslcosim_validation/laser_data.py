@@ -20,10 +20,12 @@ class LaserRows(PathRecord):
 
     Attributes:
         names: (s,) of the sources.
+        release: (n,) name of the release of each row.
         block: (n,) labels of rows that share their weather.
     """
 
     names: tuple[str, ...]
+    release: NDArray[np.str_]
     block: NDArray[np.int64]
 
 
@@ -32,7 +34,7 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
     kept = [_usable(minutes) for minutes in paths.sources]
     parts = list(zip(paths.sources, kept, strict=True))
 
-    def joined(name: str) -> Floats:
+    def joined(name: str) -> NDArray:
         return np.concatenate([getattr(minutes, name)[rows] for minutes, rows in parts])
 
     moles = np.array(
@@ -44,6 +46,7 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
         sensors=SensorPaths.of_beams(np.array(paths.instrument_m), paths.reflectors_m),
         names=tuple(minutes.source for minutes in paths.sources),
         source=source,
+        release=joined("release"),
         start_s=joined("clock_s"),
         wind=WindStatistics.of_components(joined("wind_world_m_s"), joined("wind_std_m_s")),
         gas_m3_per_kg=1.0 / (GASES["methane"].molar_mass_kg_mol * moles),

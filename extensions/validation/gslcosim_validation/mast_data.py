@@ -39,7 +39,10 @@ def find_source_m(network: MastNetwork, release: LoggedRelease) -> Floats | None
 
 
 def predict_releases(network: MastNetwork) -> Floats:
-    """Return the (n, k) mixing ratios [ppm] that puffs of all releases add at masts; nan for unknown positions."""
+    """Return the (n, k) mixing ratios [ppm] that puffs of all releases add at masts; nan for unknown positions.
+
+    Of a site with one place at several heights, such as stacks of which one was in use, the mean over the heights.
+    """
     wind, volume = wind_record(network), methane_m3_per_kg(network)
     predicted = np.zeros(network.readings_ppm.shape)
     for release in network.releases:
@@ -51,5 +54,11 @@ def predict_releases(network: MastNetwork) -> Floats:
         rows = np.flatnonzero(is_open)
         if len(rows):
             part = wind.rows(int(rows[0]), int(rows[-1]) + 1)
-            predicted[rows] += release.rate_kg_s * volume * puff_responses(network.masts_m, part, source_m)
+            heights_m = [source_m[2]]
+            if release.place is None and not network.has_several_places:
+                heights_m = [place_m[2] for place_m in network.places_m.values()]
+            responses = [
+                puff_responses(network.masts_m, part, np.array([*source_m[:2], height_m])) for height_m in heights_m
+            ]
+            predicted[rows] += release.rate_kg_s * volume * np.mean(responses, axis=0)
     return predicted

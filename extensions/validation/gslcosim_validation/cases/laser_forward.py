@@ -15,6 +15,7 @@ from gslcosim_validation.agreement import (
 )
 from gslcosim_validation.laser_data import collect_laser_rows
 from gslcosim_validation.readers.laser_paths import LaserPaths
+from gslcosim_validation.release_pairs import pair_series
 from gslcosim_validation.results import Effort, Figure, Findings, Progress
 
 # Pairs below this on both sides are noise of the background; the METEC authors' bound, ten errors of a reading.
@@ -43,7 +44,8 @@ def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
         scatter.append((name, p, o))
         for row, agreement in _MEASURES.items():
             figures.append(Figure(row, agreement_estimate(agreement, p, o, block), source=name))
-    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)})
+    pairs = list(pair_series("open_ground", predicted, above, laser.release, floor=LEAST_PPM))
+    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)}, pairs=pairs)
 
 
 def _draw(figure: Any, scatter: list[tuple[str, np.ndarray, np.ndarray]]) -> None:

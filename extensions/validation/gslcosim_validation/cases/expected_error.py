@@ -1,0 +1,84 @@
+"""Errors that the air of a run may have: intervals from all sets but one, beside the one that was held out."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gslcosim_data.text_tables import Markdown, format_markdown_table
+from gslcosim_validation.air_kinds import AIR_KINDS, AirKind
+from gslcosim_validation.expected_errors import RatioInterval
+from gslcosim_validation.held_out_errors import (
+    LEAST_SETS,
+    QUANTITIES,
+    compute_expected_errors,
+    hold_out,
+)
+from gslcosim_validation.release_pairs import Quantity, ReleasePairs
+from gslcosim_validation.results import Figure, Findings, plain_estimate
+
+_QUANTITIES: Mapping[Quantity, str] = {"mean": "mean concentration", "intensity": "intensity of fluctuations"}
+_HEADINGS = (
+    "kind of air",
+    "FAC2",
+    "mean, modelled over measured [90 % interval]",
+    "sets (releases)",
+    "intensity, modelled over measured [90 % interval]",
+    "sets (releases)",
+)
+
+
+def measure(pairs: Sequence[ReleasePairs]) -> Findings:
+    """Return the coverage of intervals on sets that were held out, and the table of errors by kind of air."""
+    held = list(hold_out(pairs))
+    by_quantity = {words: [each for each in held if each.quantity == name] for name, words in _QUANTITIES.items()}
+    within, n = sum(each.n_within for each in held), sum(each.n for each in held)
+    figures = [
+        Figure("coverage", plain_estimate(within / n, n), of="releases", n_within=within),
+        Figure("coverage", plain_estimate(float(np.mean([each.share_within for each in held])), len(held)), of="sets"),
+    ]
+    for words, some in by_quantity.items():
+        if some:
+            sets = ", ".join(f"{each.name} {each.n_within} of {each.n}" for each in some)
+            share = sum(each.n_within for each in some) / sum(each.n for each in some)
+            figures.append(Figure("coverage_of", plain_estimate(share, len(some)), quantity=words, sets=sets))
+    return Findings(
+        figures=figures,
+        remarks={
+            "table": {"table": "\n".join(_build_table(compute_expected_errors(pairs)))},
+            "reading": {"least_sets": LEAST_SETS},
+            "models": {"behind": _describe_sets(pairs)},
+            "runs": {},
+        },
+    )
+
+
+def _build_table(errors: Mapping[AirKind, Mapping[Quantity, RatioInterval]]) -> list[str]:
+    rows = []
+    for kind, found in errors.items():
+        cells: list[str] = [AIR_KINDS[kind]]
+        for quantity in QUANTITIES:
+            interval = found.get(quantity)
+            texts = ["-"] * (3 if quantity == "mean" else 2)
+            if interval is not None:
+                fac2 = interval.get("fac2")
+                texts = [f"{fac2:.2f}"] if fac2 is not None else []
+                texts.append(format_ratio(interval))
+                texts.append(", ".join(f"{name} ({n})" for name, n in interval["sets"].items()))
+                if interval["of_all_kinds"]:
+                    texts = [Markdown(f"*{text}*") for text in texts]
+            cells += texts
+        rows.append(cells)
+    return list(format_markdown_table(_HEADINGS, rows))
+
+
+def format_ratio(interval: RatioInterval) -> str:
+    """Return a ratio with its interval, such as `0.82 [0.33, 2.1]`."""
+    return f"{interval['ratio']:.2g} [{interval['low']:.2g}, {interval['high']:.2g}]"
+
+
+def _describe_sets(pairs: Sequence[ReleasePairs]) -> str:
+    named = {
+        kind: sorted({each.get("measured_set", "") for each in pairs if each["kind_of_air"] == kind})
+        for kind in AIR_KINDS
+    }
+    return "; ".join(f"{AIR_KINDS[kind]}: {', '.join(sets)}" for kind, sets in named.items() if sets)
