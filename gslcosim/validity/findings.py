@@ -7,7 +7,7 @@ docs/validity.md lists them with their keys; `tests/unit/validity/test_findings.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from gslcosim.base.extensions import FINDINGS_GROUP, load_registered
 from gslcosim.environment.generation.provenance import WindProvenance, find_mixed_air, read_wind_provenance
@@ -102,7 +102,7 @@ def assess_run(
     found = [*_assess_air(scenario, environments), *assess_conduct(read_conduct(summary, n_ticks=n_ticks))]
     found += [_assess_isolation(sandboxes, unconfined), _assess_determinism(scenario)]
     for find in load_registered(FINDINGS_GROUP, lambda offered: offered if callable(offered) else None, "a function"):
-        found += find(scenario, environments)
+        found += cast("Iterator[Finding]", find(scenario, environments))
     if manifest is not None:
         found.append(_assess_software(manifest))
     return Validity(findings=tuple(found), is_complete=is_complete)

@@ -63,10 +63,8 @@ def _run(arguments: argparse.Namespace) -> int:
     has_results = arguments.out is not None and any(case.from_pairs for case in chosen)
     if not cases and not has_results:
         found = ", ".join(f"{each.name} ({each.format})" for each in data.sets) or "no set"
-        needed = "; ".join(
-            f"{case.name}: {', '.join(case.formats) or ('--out with results' if case.from_pairs else 'published.json')}"
-            for case in chosen
-        )
+        else_needed = {True: "--out with results of others", False: "published.json"}
+        needed = "; ".join(f"{case.name}: {', '.join(case.formats) or else_needed[case.from_pairs]}" for case in chosen)
         raise UsageError(f"--data: expected what a case needs ({needed}), found {found}.\nFolder: {arguments.data}")
     data.check({name for case in cases for name in case.formats})
     effort = "quick" if arguments.quick else "full"

@@ -18,6 +18,8 @@ from gslcosim_validation.release_pairs import Quantity
 FILE = "expected_errors.json"
 ABOUT = "expected_error"
 PAGE = "docs/studies/reality.md#what-a-runs-air-may-be-wrong-by"
+QUANTITIES: Mapping[Quantity, str] = {"mean": "mean concentration", "intensity": "intensity of fluctuations"}
+"""All quantities, with their words."""
 
 
 class RatioInterval(TypedDict):
@@ -75,7 +77,7 @@ def find_expected_error(scenario: Scenario, environments: Sequence[Path]) -> Ite
 def _describe(kind: AirKind, known: Mapping[Quantity, RatioInterval], level: float) -> str:
     parts = [
         f"{words} {interval['ratio']:.2g} [{interval['low']:.2g}, {interval['high']:.2g}]"
-        for quantity, words in (("mean", "mean concentration"), ("intensity", "intensity of fluctuations"))
+        for quantity, words in QUANTITIES.items()
         if (interval := known.get(quantity)) is not None
     ]
     mean = known.get("mean", {})

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gslcosim_bench.statistics.estimates import student_quantile
 from gslcosim_validation.agreement import factor_of_two_share
 from gslcosim_validation.air_kinds import AIR_KINDS, AirKind
-from gslcosim_validation.expected_errors import RatioInterval
+from gslcosim_validation.expected_errors import QUANTITIES, RatioInterval
 from gslcosim_validation.release_pairs import Quantity, ReleasePairs
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,6 @@ LEAST_SETS = 3
 """Of a kind of air, for an interval of its own; chosen: from two sets, whose scatter has one degree of freedom, an
 interval reaches 6.3 deviations to each side."""
 _LEAST_TOGETHER = 2
-QUANTITIES: tuple[Quantity, ...] = ("mean", "intensity")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,11 +110,11 @@ def predict_log_ratio(sets: Sequence[Floats]) -> tuple[float, float, float]:
     terms = [(between * (1.0 + 1.0 / k if is_scattered else 1.0 / k), k - 1)]
     terms += [(square * (1.0 - inverse if is_scattered else 1.0), freedom) for square, freedom in inner]
     variance = sum(square for square, _ in terms)
+    middle = float(means.mean())
     if not variance > 0.0:
-        return (float(means.mean()),) * 3
+        return middle, middle, middle
     freedom = variance**2 / sum(square**2 / each for square, each in terms)
     half = student_quantile(0.5 + LEVEL / 2.0, freedom) * math.sqrt(variance)
-    middle = float(means.mean())
     return middle, middle - half, middle + half
 
 

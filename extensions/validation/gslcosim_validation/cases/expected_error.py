@@ -6,17 +6,15 @@ import numpy as np
 
 from gslcosim_data.text_tables import Markdown, format_markdown_table
 from gslcosim_validation.air_kinds import AIR_KINDS, AirKind
-from gslcosim_validation.expected_errors import RatioInterval
+from gslcosim_validation.expected_errors import QUANTITIES, RatioInterval
 from gslcosim_validation.held_out_errors import (
     LEAST_SETS,
-    QUANTITIES,
     compute_expected_errors,
     hold_out,
 )
 from gslcosim_validation.release_pairs import Quantity, ReleasePairs
 from gslcosim_validation.results import Figure, Findings, plain_estimate
 
-_QUANTITIES: Mapping[Quantity, str] = {"mean": "mean concentration", "intensity": "intensity of fluctuations"}
 _HEADINGS = (
     "kind of air",
     "FAC2",
@@ -30,7 +28,7 @@ _HEADINGS = (
 def measure(pairs: Sequence[ReleasePairs]) -> Findings:
     """Return the coverage of intervals on sets that were held out, and the table of errors by kind of air."""
     held = list(hold_out(pairs))
-    by_quantity = {words: [each for each in held if each.quantity == name] for name, words in _QUANTITIES.items()}
+    by_quantity = {words: [each for each in held if each.quantity == name] for name, words in QUANTITIES.items()}
     within, n = sum(each.n_within for each in held), sum(each.n for each in held)
     figures = [
         Figure("coverage", plain_estimate(within / n, n), of="releases", n_within=within),
@@ -77,8 +75,6 @@ def format_ratio(interval: RatioInterval) -> str:
 
 
 def _describe_sets(pairs: Sequence[ReleasePairs]) -> str:
-    named = {
-        kind: sorted({each.get("measured_set", "") for each in pairs if each["kind_of_air"] == kind})
-        for kind in AIR_KINDS
-    }
-    return "; ".join(f"{AIR_KINDS[kind]}: {', '.join(sets)}" for kind, sets in named.items() if sets)
+    kinds = {each.get("measured_set", ""): each["kind_of_air"] for each in pairs}
+    named = {words: sorted(name for name in kinds if kinds[name] == kind) for kind, words in AIR_KINDS.items()}
+    return "; ".join(f"{words}: {', '.join(names)}" for words, names in named.items() if names)

@@ -11,6 +11,7 @@ from gslcosim_validation.air_kinds import AIR_KINDS, find_air_kind
 from gslcosim_validation.expected_errors import find_expected_error, read_expected_errors
 
 HEAT = "environment.heat=[{kind: body, position_m: [2, 2, 0.5], power_w: 500}]"
+HELIUM = "wind.buoyancy={releases: [{position_m: [3, 3, 1], flow_m3_s: 0.001}]}"
 
 
 def scenario(name, *overrides):
@@ -28,7 +29,11 @@ def scenario(name, *overrides):
         ("warehouse_empty", ("gas={model: farrell, sources: [{position_m: [3, 3, 1]}]}",), "open_ground"),
         ("warehouse_empty", ("gas={model: gaussian_plume, sources: [{position_m: [3, 3, 1]}]}",), "open_ground"),
         ("tiny_room", ("gas.model=playback", "gas.playback={folder: .}"), "room_with_forced_wind"),
-        ("warehouse_empty", ("wind.buoyancy={gas: methane, release_m3_s: 0.001}",), "room_with_heat"),
+        (
+            "warehouse_empty",
+            (HELIUM,),
+            "room_with_heat",
+        ),
         ("warehouse_empty", (HEAT,), "room_with_heat"),
     ],
 )
