@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.gases import GASES, air_density_mol_m3
-from gslcosim_search.fixed_sensors.laser_sources import PathRecord
-from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics
+from gslcosim_search.fixed_sensors.background import background_beside_plumes
+from gslcosim_search.fixed_sensors.laser_sources import READING_ERROR_PPM, PathRecord
+from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics, plume_responses
 from gslcosim_search.fixed_sensors.source_search import BLOCK_S
 from gslcosim_validation.readers.laser_paths import LaserMinutes, LaserPaths
 
@@ -54,6 +55,23 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
         day=joined("day").astype(np.int64),
         block=quarters,
     )
+
+
+def predict_plumes(paths: LaserPaths, laser: LaserRows) -> Floats:
+    """Return the (n, k) mixing ratios [ppm] that the plumes of the open sources add along the beams."""
+    predicted = np.empty_like(laser.readings_ppm)
+    for i, minutes in enumerate(paths.sources):
+        its = laser.source == i
+        predicted[its] = 0.0
+        for each in minutes.open_sources:
+            response = plume_responses(laser.sensors, laser.wind_of(i), np.array(each.position_m))
+            predicted[its] += each.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
+    return predicted
+
+
+def find_daily_background(laser: LaserRows, predicted_ppm: Floats) -> Floats:
+    """Return the (n, k) background of readings [ppm]: the median of a beam on a day while no plume reaches it."""
+    return background_beside_plumes(laser.readings_ppm, predicted_ppm, laser.day, negligible_ppm=READING_ERROR_PPM)
 
 
 def _usable(minutes: LaserMinutes) -> NDArray[np.bool_]:

@@ -1,6 +1,7 @@
 """Errors that the air of a run may have: intervals from all sets but one, beside the one that was held out."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from gslcosim_validation.air_kinds import AIR_KINDS, AirKind
 from gslcosim_validation.expected_errors import QUANTITIES, RatioInterval
 from gslcosim_validation.held_out_errors import (
     LEAST_SETS,
+    HeldOut,
+    collect_set_errors,
     compute_expected_errors,
     hold_out,
 )
@@ -23,6 +26,7 @@ _HEADINGS = (
     "intensity, modelled over measured [90 % interval]",
     "sets (releases)",
 )
+_TICKS = (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 100.0)
 
 
 def measure(pairs: Sequence[ReleasePairs]) -> Findings:
@@ -41,6 +45,7 @@ def measure(pairs: Sequence[ReleasePairs]) -> Findings:
             figures.append(Figure("coverage_of", plain_estimate(share, len(some)), quantity=words, sets=sets))
     return Findings(
         figures=figures,
+        drawings={"held-out": lambda figure: _draw(figure, pairs, held)},
         remarks={
             "table": {"table": "\n".join(_build_table(compute_expected_errors(pairs)))},
             "reading": {"least_sets": LEAST_SETS},
@@ -48,6 +53,23 @@ def measure(pairs: Sequence[ReleasePairs]) -> Findings:
             "runs": {},
         },
     )
+
+
+def _draw(figure: Any, pairs: Sequence[ReleasePairs], held: Sequence[HeldOut]) -> None:
+    present = [quantity for quantity in QUANTITIES if any(each.quantity == quantity for each in held)]
+    for axes, quantity in zip(figure.subplots(1, len(present), squeeze=False)[0], present, strict=True):
+        shown = [each for each in held if each.quantity == quantity]
+        errors = {each.name: np.exp(each.log_ratios) for each in collect_set_errors(pairs, quantity)}
+        for i, each in enumerate(shown):
+            axes.plot([each.interval["low"], each.interval["high"]], [i, i], color="0.8", lw=6, solid_capstyle="butt")
+            axes.plot(errors[each.name], np.full(each.n, i), "o", ms=3, alpha=0.6, color="C0")
+        axes.axvline(1.0, color="0.4", lw=0.8)
+        axes.set(xscale="log", xlabel=f"{QUANTITIES[quantity]}, modelled over measured", ylim=(len(shown) - 0.5, -0.5))
+        low, high = axes.get_xlim()
+        ticks = [tick for tick in _TICKS if low <= tick <= high]
+        axes.minorticks_off()
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_yticks(range(len(shown)), [each.name for each in shown])
 
 
 def _build_table(errors: Mapping[AirKind, Mapping[Quantity, RatioInterval]]) -> list[str]:

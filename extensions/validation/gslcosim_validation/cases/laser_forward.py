@@ -4,18 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim_search.fixed_sensors.background import background_beside_plumes
-from gslcosim_search.fixed_sensors.laser_sources import READING_ERROR_PPM
-from gslcosim_search.fixed_sensors.plume_response import plume_responses
 from gslcosim_validation.agreement import (
     agreement_estimate,
     factor_of_two_share,
     fractional_bias,
     normalised_mean_square_error,
 )
-from gslcosim_validation.laser_data import collect_laser_rows
+from gslcosim_validation.laser_data import collect_laser_rows, find_daily_background, predict_plumes
 from gslcosim_validation.readers.laser_paths import LaserPaths
-from gslcosim_validation.release_pairs import pair_series
 from gslcosim_validation.results import Effort, Figure, Findings, Progress
 
 # Pairs below this on both sides are noise of the background; the METEC authors' bound, ten errors of a reading.
@@ -26,15 +22,8 @@ _MEASURES = {"fac2": factor_of_two_share, "bias": fractional_bias, "nmse": norma
 def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
     """Return how well the readings of each source agree with its plume."""
     laser = collect_laser_rows(paths)
-    predicted = np.empty_like(laser.readings_ppm)
-    for i, minutes in enumerate(paths.sources):
-        its = laser.source == i
-        predicted[its] = 0.0
-        for each in minutes.open_sources:
-            response = plume_responses(laser.sensors, laser.wind_of(i), np.array(each.position_m))
-            predicted[its] += each.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
-    background = background_beside_plumes(laser.readings_ppm, predicted, laser.day, negligible_ppm=READING_ERROR_PPM)
-    above = laser.readings_ppm - background
+    predicted = predict_plumes(paths, laser)
+    above = laser.readings_ppm - find_daily_background(laser, predicted)
     figures: list[Figure] = []
     scatter: list[tuple[str, np.ndarray, np.ndarray]] = []
     for i, name in enumerate(laser.names):
@@ -44,8 +33,7 @@ def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
         scatter.append((name, p, o))
         for row, agreement in _MEASURES.items():
             figures.append(Figure(row, agreement_estimate(agreement, p, o, block), source=name))
-    pairs = list(pair_series("open_ground", predicted, above, laser.release, floor=LEAST_PPM))
-    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)}, pairs=pairs)
+    return Findings(figures=figures, drawings={"scatter": lambda figure: _draw(figure, scatter)})
 
 
 def _draw(figure: Any, scatter: list[tuple[str, np.ndarray, np.ndarray]]) -> None:
