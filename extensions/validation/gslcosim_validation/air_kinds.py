@@ -36,12 +36,18 @@ def find_air_kind(scenario: Scenario, folder: Path | None = None) -> AirKind:
         wind: Mapping[str, Any] = scenario.wind.model_dump(exclude_none=True)
     else:
         room = {} if folder is None else read_made_from(folder / HEADER_FILE)
-        wind = room.get("wind") or {}
+        wind = _get_block(room, "wind")
     if room.get("heat") or wind.get("buoyancy"):
         return "room_with_heat"
     if scenario.gas.stored_folder is not None:
         return "room_with_forced_wind"
-    is_outdoors = (room.get("layout") or {}).get("kind") == _OUTDOORS or wind.get("solver") == "uniform"
+    is_outdoors = _get_block(room, "layout").get("kind") == _OUTDOORS or wind.get("solver") == "uniform"
     if is_outdoors or getattr(scenario.gas, "is_in_open_air", False):
         return "open_ground"
     return "room_with_forced_wind"
+
+
+# Of a header that others may have written.
+def _get_block(values: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    block = values.get(key)
+    return block if isinstance(block, Mapping) else {}

@@ -56,7 +56,7 @@ def measure(pairs: Sequence[ReleasePairs]) -> Findings:
 
 
 def _draw(figure: Any, pairs: Sequence[ReleasePairs], held: Sequence[HeldOut]) -> None:
-    present = [quantity for quantity in QUANTITIES if any(each.quantity == quantity for each in held)]
+    present: list[Quantity] = [quantity for quantity in QUANTITIES if any(each.quantity == quantity for each in held)]
     for axes, quantity in zip(figure.subplots(1, len(present), squeeze=False)[0], present, strict=True):
         shown = [each for each in held if each.quantity == quantity]
         errors = {each.name: np.exp(each.log_ratios) for each in collect_set_errors(pairs, quantity)}

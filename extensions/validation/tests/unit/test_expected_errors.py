@@ -48,6 +48,7 @@ def test_the_kind_of_air_is_that_of_what_drives_it(name, overrides, kind):
         ({"layout": {"kind": "office"}, "wind": {"solver": "uniform"}}, "open_ground"),
         ({"layout": {"kind": "plant"}, "wind": {"solver": "built_in"}}, "open_ground"),
         ({"gsl_bench": "rooms/004", "wind": {"solver": "auto"}}, "room_with_forced_wind"),
+        ({"layout": "their office", "wind": "weak"}, "room_with_forced_wind"),
         ({"layout": {"kind": "home"}, "heat": [{"name": "stove"}], "wind": {"solver": "built_in"}}, "room_with_heat"),
     ],
 )
