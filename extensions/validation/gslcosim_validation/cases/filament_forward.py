@@ -155,9 +155,9 @@ def _build_field(release: Release, wind_m_s: Floats, period_s: float) -> Environ
 def measure(content: MastNetwork | LaserPaths, effort: Effort, progress: Progress) -> Findings:
     """Return how well filaments agree with each release of a set."""
     if isinstance(content, MastNetwork):
-        releases, period_s = list(_list_mast_releases(content)), content.period_s
+        releases, period_s = list(list_mast_releases(content)), content.period_s
     else:
-        releases, period_s = list(_list_laser_releases(content)), 60.0
+        releases, period_s = list(list_laser_releases(content)), 60.0
     if effort == "quick":
         releases = releases[:_QUICK_RELEASES]
     pairs: list[ReleasePairs] = []
@@ -175,7 +175,8 @@ def measure(content: MastNetwork | LaserPaths, effort: Effort, progress: Progres
     return Findings(figures=figures, pairs=pairs)
 
 
-def _list_mast_releases(network: MastNetwork) -> Iterator[Release]:
+def list_mast_releases(network: MastNetwork) -> Iterator[Release]:
+    """Yield the releases of a network whose places are known, without jets."""
     wind, volume = wind_record(network), methane_m3_per_kg(network)
     above = network.readings_ppm - find_hourly_background(network, predict_releases(network))
     speed = np.linalg.norm(wind.mean_world_m_s, axis=1)
@@ -200,7 +201,8 @@ def _list_mast_releases(network: MastNetwork) -> Iterator[Release]:
         )
 
 
-def _list_laser_releases(paths: LaserPaths) -> Iterator[Release]:
+def list_laser_releases(paths: LaserPaths) -> Iterator[Release]:
+    """Yield the releases that lasers saw; minutes without wind or beams are passed over."""
     laser = collect_laser_rows(paths)
     above = laser.readings_ppm - find_daily_background(laser, predict_plumes(paths, laser))
     speed = np.linalg.norm(laser.wind.mean_world_m_s, axis=1)

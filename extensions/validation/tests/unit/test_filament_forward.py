@@ -1,5 +1,7 @@
 """Filaments of a run beside masts and lasers: the flow of sources, the wind of each period, and pairs by set."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from laser_campaigns import write_lasers
@@ -9,8 +11,9 @@ from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatis
 from gslcosim_services.fields.turbulence.air import k_epsilon_from_intensity, lagrangian_time_s
 from gslcosim_validation import read_measured
 from gslcosim_validation.cases import load_case
-from gslcosim_validation.cases.filament_forward import MOST_KG_S, Release, simulate_release
+from gslcosim_validation.cases.filament_forward import MOST_KG_S, Release, list_mast_releases, simulate_release
 from gslcosim_validation.plume_statistics import taylor_variance_m2
+from gslcosim_validation.readers.mast_network import MastNetwork
 
 SOURCE_M = (0.0, 0.0, 2.0)
 FLOW_M3_S = 1e-3
@@ -62,6 +65,7 @@ def test_two_sources_of_half_the_flow_are_one():
     assert two.mean() == pytest.approx(one.mean(), rel=0.2)
 
 
+@pytest.mark.slow
 def test_masts_in_a_plume_of_puffs_are_within_two_of_filaments(yard):
     result = load_case("filament-forward").run(read_measured(yard), "full")
     mean, intensity = result.pairs
@@ -73,6 +77,7 @@ def test_masts_in_a_plume_of_puffs_are_within_two_of_filaments(yard):
     assert result.rows[0].quantity == f"1 releases: FAC2 of {len(ratios)} means at instruments"
 
 
+@pytest.mark.slow
 def test_beams_are_means_along_their_paths(tmp_path):
     result = load_case("filament-forward").run(read_measured(write_lasers(tmp_path / "field")), "quick")
     (mean,) = [each for each in result.pairs if each["quantity"] == "mean"]
@@ -80,6 +85,17 @@ def test_beams_are_means_along_their_paths(tmp_path):
     # The first beam crosses the plume in the first half hour, above a background of 2 ppm.
     assert mean["measured"][0] == pytest.approx(0.75, rel=0.01)
     assert 0.1 < mean["modelled"][0] / mean["measured"][0] < 10.0
+
+
+def test_stacks_of_which_one_was_in_use_share_the_flow(yard):
+    data = read_measured(yard)
+    network = data.read(data.sets[0], MastNetwork)
+    (known,) = list_mast_releases(network)
+    stacks_m = {"short": (15.0, 10.0, 3.0), "tall": (15.0, 10.0, 7.0)}
+    nameless = replace(network.releases[0], place=None, position_m=None)
+    (release,) = list_mast_releases(replace(network, places_m=stacks_m, releases=(nameless,)))
+    assert [place_m for place_m, _ in release.sources] == list(stacks_m.values())
+    assert [flow for _, flow in release.sources] == pytest.approx([0.5 * known.sources[0][1]] * 2)
 
 
 def test_jets_are_left_out(tmp_path):
