@@ -42,6 +42,7 @@ PIECE_S, WARM_UP_S = 600.0, 180.0
 _CELL_M, _MARGIN_M, _HEIGHT_M = 4.0, 16.0, 16.0
 # Of the 80 points of a beam.
 _EACH_POINT = 2
+MOST_INTENSITY = 2.0
 _QUICK_RELEASES = 1
 
 
@@ -222,6 +223,6 @@ def list_laser_releases(paths: LaserPaths) -> Iterator[Release]:
             )
 
 
-# Between that across the wind and that upward, as gas.md has it; of the mean speed.
+# Between that across the wind and that upward, as gas.md has it; of the mean speed, in calm air no more than gas takes.
 def _intensity(across_m_s: Floats, up_m_s: Floats, speed_m_s: Floats) -> float:
-    return float(0.5 * (across_m_s + up_m_s).mean() / speed_m_s.mean())
+    return min(float(0.5 * (across_m_s + up_m_s).mean() / speed_m_s.mean()), MOST_INTENSITY)
