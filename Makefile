@@ -105,8 +105,9 @@ plume-statistics: .venv/ready-test-all   # table and plots of intermittency and 
 
 # DATA=FOLDER of measured data; ONLY='CASE …' for some of the cases; QUICK=--quick for less.
 DATA ?= ../shared/reference/measured
-reality: .venv/ready-dev     # our physics beside measurements: the table, and docs/studies/reality.md
+reality: .venv/ready-dev     # our physics beside measurements: the table, docs/studies/reality.md, errors of runs
 	$(BIN)/gslcosim reality --data $(DATA) --out docs/studies $(addprefix --only ,$(ONLY)) $(QUICK)
+	cp docs/studies/reality/expected_errors.json extensions/validation/gslcosim_validation
 
 soak: .venv/ready-test-all       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh

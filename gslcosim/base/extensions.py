@@ -28,6 +28,8 @@ STARTS_GROUP = "gslcosim.starts"
 EXPORTERS_GROUP = "gslcosim.exporters"
 GEOMETRY_GROUP = "gslcosim.geometry"
 AGENTS_GROUP = "gslcosim.agents"
+# Functions that find further facts on the validity of runs.
+FINDINGS_GROUP = "gslcosim.findings"
 # Readers of folders that are rows among runs in lists.
 RUN_ROWS_GROUP = "gslcosim.run_rows"
 

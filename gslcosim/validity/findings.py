@@ -4,19 +4,19 @@ The end of `up`, `result.json`, the recording, rows of a benchmark and its repor
 docs/validity.md lists them with their keys; `tests/unit/validity/test_findings.py` compares the two.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn, cast
 
+from gslcosim.base.extensions import FINDINGS_GROUP, load_registered
 from gslcosim.environment.generation.provenance import WindProvenance, find_mixed_air, read_wind_provenance
 from gslcosim.scenario import Scenario
 from gslcosim.validity.conduct import GAS_CONTACT_PPM, AgentConduct, read_conduct
 
-Severity = Literal["ok", "note", "warning"]
-SEVERITIES: tuple[Severity, ...] = ("ok", "note", "warning")
+Severity = Literal["ok", "note", "quote", "warning"]
+SEVERITIES: tuple[Severity, ...] = ("ok", "note", "quote", "warning")
 Verdict = Literal["yes", "with warnings", "no"]
-About = Literal["wind", "gas", "commands", "sensors", "contact", "isolation", "determinism", "software"]
 
 # Thresholds of warnings, all of them chosen: below them a figure moves the result of a run less than another seed does.
 MAX_UNCERTAINTY_FRAC = 0.1
@@ -30,13 +30,14 @@ class Finding:
 
     Attributes:
         about: Its subject, which is its key in `result.json`.
-        severity: `ok`; `note`: to be known when the figure is compared; `warning`: to be explained in a paper.
+        severity: `ok`; `note`: to be known when the figure is compared; `quote`: to be quoted beside it in a paper;
+            `warning`: to be explained there.
         text: A sentence.
         remedy: Its remedy, a sentence; empty if nothing is wrong.
         figures: The numbers behind it by stable keys.
     """
 
-    about: About
+    about: str
     severity: Severity
     text: str
     remedy: str = ""
@@ -100,6 +101,7 @@ def assess_run(
     """
     found = [*_assess_air(scenario, environments), *assess_conduct(read_conduct(summary, n_ticks=n_ticks))]
     found += [_assess_isolation(sandboxes, unconfined), _assess_determinism(scenario)]
+    found += _find_of_extensions(scenario, environments)
     if manifest is not None:
         found.append(_assess_software(manifest))
     return Validity(findings=tuple(found), is_complete=is_complete)
@@ -197,6 +199,21 @@ def _find_longer_solve(scenario: Scenario) -> str:
     )
 
 
+def _refuse(found: object) -> NoReturn:
+    raise TypeError(f"expected a Finding, was {found!r:.60}")
+
+
+def _find_of_extensions(scenario: Scenario, environments: Sequence[Path]) -> list[Finding]:
+    try:
+        finders = load_registered(FINDINGS_GROUP, lambda each: each if callable(each) else None, "a function")
+        found: list[object] = [each for find in finders for each in cast("Any", find(scenario, environments))]
+        return [each if isinstance(each, Finding) else _refuse(each) for each in found]
+    # Another project's package may raise anything, and the run's result is worth more than its finding.
+    except Exception as error:
+        text = f"An extension that finds facts on a run's validity failed: {error!r}."
+        return [Finding(about="extensions", severity="note", text=text, remedy="Correct or uninstall it.")]
+
+
 def _assess_commands(conduct: Sequence[AgentConduct]) -> Finding:
     figures = {
         "agents": {
@@ -215,25 +232,20 @@ def _assess_commands(conduct: Sequence[AgentConduct]) -> Finding:
         text = none or "All commands were carried out as they were given."
         return Finding(about="commands", severity="note" if none else "ok", text=text, figures=figures)
     worst = max(troubled, key=lambda each: (each.refused_frac, each.n_adjusted))
-    text = " ".join(_describe_refusals(each) for each in _worst_first(troubled, worst))
+    # Of a swarm one stands for all: the figures have them all.
+    text = " ".join(_describe_refusals(each) for each in (troubled if len(troubled) <= 2 else (worst,)))
     severity: Severity = "warning" if worst.refused_frac >= MAX_REFUSED_FRAC else "note"
     remedy = "Read notice in the observation, which says why, and answer it; the recording has each refusal in Events."
     return Finding(about="commands", severity=severity, text=text, remedy=remedy, figures=figures)
 
 
 def _describe_refusals(each: AgentConduct) -> str:
+    of = "" if each.n_refused else f" of {each.agent}"
     counts = [(each.n_refused, f"refused {each.n_refused} of {each.n_commands} commands of {each.agent}")]
-    counts += [
-        (each.n_adjusted, f"changed or cut short {each.n_adjusted}{'' if each.n_refused else ' of ' + each.agent}")
-    ]
+    counts.append((each.n_adjusted, f"changed or cut short {each.n_adjusted}{of}"))
     done = " and ".join(text for n, text in counts if n)
     first = (each.first_refusal or "").rstrip(".")
     return f"The vehicle {done}{f', the first because {first}' if first else ''}."
-
-
-def _worst_first(agents: Sequence[AgentConduct], worst: AgentConduct) -> Iterable[AgentConduct]:
-    # Of a swarm one stands for all: the figures have them all.
-    return agents if len(agents) <= 2 else (worst,)
 
 
 def _assess_sensors(conduct: Sequence[AgentConduct]) -> Finding:
@@ -343,7 +355,7 @@ def _assess_software(manifest: Mapping[str, Any]) -> Finding:
 
 
 def format_validity(validity: Mapping[str, Any]) -> list[str]:
-    """Return the lines of a validity block for a terminal or a recording: warnings with remedies, notes in one line.
+    """Return the lines of a validity block: warnings with remedies, what is to be quoted, and notes in one line.
 
     Args:
         validity: The block as `result.json` has it.
@@ -351,8 +363,8 @@ def format_validity(validity: Mapping[str, Any]) -> list[str]:
     findings: dict[str, Mapping[str, Any]] = {about: found for about, found in validity.items() if about != "verdict"}
     lines = [f"valid      {validity['verdict']}"]
     for about, finding in findings.items():
-        if finding["severity"] == "warning":
-            lines.append(f"  warning  {about}: {' '.join(filter(None, (finding['text'], finding['remedy'])))}")
+        if (severity := finding["severity"]) in ("quote", "warning"):
+            lines.append(f"  {severity:<7}  {about}: {' '.join(filter(None, (finding['text'], finding['remedy'])))}")
     if notes := [about for about, finding in findings.items() if finding["severity"] == "note"]:
         lines.append(f"  notes    {', '.join(notes)} (validity in result.json)")
     return lines

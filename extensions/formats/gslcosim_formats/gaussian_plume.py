@@ -66,6 +66,7 @@ class PlumeSpec(Spec):
 class FormulaGasSpec(GasSpec):
     """Base of gas models with a formula for the plume."""
 
+    is_in_open_air: ClassVar[bool] = True
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "plume.instantaneous_frac": ("meandering_plume",),
         "plume.meander_s": ("meandering_plume",),

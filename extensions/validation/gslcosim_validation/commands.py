@@ -46,15 +46,25 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim_validation.cases import load_cases
-    from gslcosim_validation.page import make_storable, store_result, summarise_goals, terminal_rows, write_page
+    from gslcosim_validation.page import (
+        make_storable,
+        read_stored,
+        store_result,
+        summarise,
+        summarise_goals,
+        terminal_rows,
+        write_page,
+    )
     from gslcosim_validation.readers.folder import read_measured
 
     chosen = load_cases(arguments.only)
     data = read_measured(arguments.data)
     cases = [case for case in chosen if case.can_run_on(data)]
-    if not cases:
+    has_results = arguments.out is not None and any(case.from_pairs for case in chosen)
+    if not cases and not has_results:
         found = ", ".join(f"{each.name} ({each.format})" for each in data.sets) or "no set"
-        needed = "; ".join(f"{case.name}: {', '.join(case.formats) or 'published.json'}" for case in chosen)
+        else_needed = {True: "--out with results of others", False: "published.json"}
+        needed = "; ".join(f"{case.name}: {', '.join(case.formats) or else_needed[case.from_pairs]}" for case in chosen)
         raise UsageError(f"--data: expected what a case needs ({needed}), found {found}.\nFolder: {arguments.data}")
     data.check({name for case in cases for name in case.formats})
     effort = "quick" if arguments.quick else "full"
@@ -71,6 +81,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 stored.append(make_storable(case, effort, result))
             else:
                 stored.append(store_result(arguments.out, case, effort, result))
+    stored += summarise(stored if arguments.out is None else read_stored(arguments.out), arguments.out)
     page = None if arguments.out is None else write_page(arguments.out)
     if arguments.json:
         write_json(stored)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.gases import GASES, air_density_mol_m3
+from gslcosim_search.fixed_sensors.background import background_beside_plumes
 from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
 from gslcosim_validation.readers.mast_network import LoggedRelease, MastNetwork
 
@@ -11,6 +12,9 @@ Floats = NDArray[np.float64]
 
 # The temperature is not published; ten degrees change the volume of gas by 3.5 %.
 _TEMPERATURE_K = 288.0
+# Backgrounds drift within hours; plumes below the instruments' steps count as none.
+BACKGROUND_S = 3600.0
+NEGLIGIBLE_PPM = 0.05
 
 
 def methane_m3_per_kg(network: MastNetwork) -> float:
@@ -53,3 +57,9 @@ def predict_releases(network: MastNetwork) -> Floats:
             part = wind.rows(int(rows[0]), int(rows[-1]) + 1)
             predicted[rows] += release.rate_kg_s * volume * puff_responses(network.masts_m, part, source_m)
     return predicted
+
+
+def find_hourly_background(network: MastNetwork, predicted_ppm: Floats) -> Floats:
+    """Return the (n, k) background of readings [ppm]: the median of a mast in an hour while no plume reaches it."""
+    hour = (network.clock_s // BACKGROUND_S).astype(np.int64)
+    return background_beside_plumes(network.readings_ppm, predicted_ppm, hour, negligible_ppm=NEGLIGIBLE_PPM)

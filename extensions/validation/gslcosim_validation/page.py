@@ -4,13 +4,16 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from gslcosim.base.errors import build_path_error
 from gslcosim.base.untrusted_input import read_json
 from gslcosim_data.figures.style import new_figure, styled
 from gslcosim_data.text_tables import Markdown, format_markdown_table
 from gslcosim_validation.cases import load_case, read_cases
+from gslcosim_validation.expected_errors import FILE, ExpectedErrors
+from gslcosim_validation.held_out_errors import LEVEL, compute_expected_errors, hold_out
+from gslcosim_validation.release_pairs import ReleasePairs
 from gslcosim_validation.results import Case, CaseResult, Comparison, Effort
 
 PAGE = "reality.md"
@@ -29,7 +32,8 @@ _COUNTING = (
     "each counts.",
     "- Goals that were wrong are gone, each with its reason in its section: durations of blanks where a plume has no "
     "pauses (i below 1), and three of METEC's, all missed, above a background that noise lifts.",
-    "- Five goals are new: the variance of eddies in four shears, and the fall of the mean on a plume's axis.",
+    "- Six goals are new: the variance of eddies in four shears, the fall of the mean on a plume's axis, and the "
+    "coverage of intervals on sets that were held out.",
 )
 
 
@@ -64,17 +68,21 @@ class StoredResult(TypedDict):
     rows: list[StoredRow]
     drawings: list[StoredDrawing]
     remarks: list[str]
+    pairs: NotRequired[list[ReleasePairs]]
 
 
 def make_storable(case: Case, effort: Effort, result: CaseResult) -> StoredResult:
     """Return a result in the form of files and of `--json`, without its drawings."""
-    return StoredResult(
+    stored = StoredResult(
         case=case.name,
         effort=effort,
         rows=[_storable_row(row) for row in result.rows],
         drawings=[],
         remarks=list(result.remarks),
     )
+    if result.pairs:
+        stored["pairs"] = list(result.pairs)
+    return stored
 
 
 def _storable_row(row: Comparison) -> StoredRow:
@@ -108,18 +116,45 @@ def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -
                 drawing.draw(figure)
                 figure.savefig(place / file, dpi=_PAGE_DOTS_PER_INCH, metadata={"Software": None})
             stored["drawings"].append(StoredDrawing(file=file, caption=drawing.caption))
-        text = json.dumps(stored, indent=1, ensure_ascii=False)
-        (place / f"{case.name}.json").write_text(f"{text}\n", encoding="utf-8")
+        _write_json(place / f"{case.name}.json", stored)
     except OSError as error:
         raise build_path_error(error, "--out", "a folder that can be written", path=place) from error
     return stored
 
 
+def _write_json(path: Path, content: object) -> None:
+    path.write_text(f"{json.dumps(content, indent=1, ensure_ascii=False)}\n", encoding="utf-8")
+
+
+def read_stored(folder: Path) -> list[StoredResult]:
+    """Return all results that are stored below a folder, in the order of the page."""
+    paths = (folder / RESULTS / f"{name}.json" for name in read_cases())
+    return [read_json(path, StoredResult) for path in paths if path.is_file()]
+
+
+def summarise(stored: Sequence[StoredResult], folder: Path | None = None) -> list[StoredResult]:
+    """Return the results of cases that are made of those of all others; none from too few sets.
+
+    Args:
+        stored: Results of the others.
+        folder: Below which they are stored, beside the errors that a run may have as the package has them; None: not.
+    """
+    pairs = [each for result in stored for each in result.get("pairs", ())]
+    if not any(hold_out(pairs)):
+        return []
+    effort: Effort = "full" if all(result["effort"] == "full" for result in stored) else "quick"
+    results = [(case, case.summarise(pairs)) for case in read_cases().values() if case.from_pairs]
+    if folder is None:
+        return [make_storable(case, effort, result) for case, result in results]
+    found = [store_result(folder, case, effort, result) for case, result in results]
+    errors = ExpectedErrors(level=LEVEL, kinds_of_air=compute_expected_errors(pairs))
+    _write_json(folder / RESULTS / FILE, errors)
+    return found
+
+
 def write_page(folder: Path) -> Path:
     """Write the page of all results that are stored below a folder, and return its path."""
-    stored = [
-        read_json(path, StoredResult) for name in read_cases() if (path := folder / RESULTS / f"{name}.json").is_file()
-    ]
+    stored = read_stored(folder)
     path = folder / PAGE
     try:
         path.write_text(render_page(stored), encoding="utf-8")

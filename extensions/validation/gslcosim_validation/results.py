@@ -11,6 +11,7 @@ import numpy as np
 
 from gslcosim_bench.statistics.estimates import Estimate, bootstrap
 from gslcosim_validation.readers.folder import MeasuredData
+from gslcosim_validation.release_pairs import ReleasePairs
 
 Effort = Literal["quick", "full"]
 # Receives the progress: a text, and the fraction done or None.
@@ -94,11 +95,12 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """Results of a case: rows, drawings, and remarks for the page (one paragraph each)."""
+    """Results of a case: rows, drawings, remarks for the page (one paragraph each), and releases at instruments."""
 
     rows: Sequence[Comparison]
     drawings: Sequence[Drawing] = ()
     remarks: Sequence[str] = ()
+    pairs: Sequence[ReleasePairs] = ()
 
 
 class Figure:
@@ -124,11 +126,13 @@ class Findings:
         figures: In the order of the page.
         drawings: By the names that the table of cases has: each gets an empty figure of matplotlib and fills it.
         remarks: Words of the remarks that are shown, by their names; None: all, none of which has any.
+        pairs: Releases at the instruments of the set, from which the errors that a run may have are computed.
     """
 
     figures: Sequence[Figure] = ()
     drawings: Mapping[str, Callable[[Any], None]] = field(default_factory=dict[str, Callable[[Any], None]])
     remarks: Mapping[str, Mapping[str, object]] | None = None
+    pairs: Sequence[ReleasePairs] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +140,8 @@ class Case:
     """One comparison with measurements, or with published figures: a block of `cases.yaml`, which describes the fields.
 
     Its module has `measure(content, effort, progress)`, which returns `Findings`. The content is a set as its reader
-    returns it, or the values of a published entry. `quick` is for tests and a first look: coarser, fewer cases, the
+    returns it, or the values of a published entry. With `from_pairs` it is `measure(pairs)`, of the releases at
+    instruments that all other cases have left. `quick` is for tests and a first look: coarser, fewer cases, the
     same code.
     """
 
@@ -148,6 +153,7 @@ class Case:
     formats: Sequence[str] = ()
     published: str = ""
     set: str = ""
+    from_pairs: bool = False
     reasons: Mapping[str, str] = field(default_factory=dict[str, str])
     remarks: Mapping[str, Text] = field(default_factory=dict[str, Text])
 
@@ -157,9 +163,8 @@ class Case:
 
     def run(self, data: MeasuredData, effort: Effort, progress: Progress = lambda text, fraction: None) -> CaseResult:
         """Return the figures of a folder of measured data beside their goals and anchors."""
-        module = importlib.import_module(f"gslcosim_validation.cases.{self.name.replace('-', '_')}")
         if self.published:
-            found = module.measure(data.published(self.published), effort, progress)
+            found = self._module.measure(data.published(self.published), effort, progress)
             return self._compare(found, self.set, "")
         results: list[CaseResult] = []
         for each in (each for name in self.formats for each in data.of_format(name)):
@@ -168,16 +173,25 @@ class Case:
             def tell(text: str, fraction: float | None, name: str = each.name) -> None:
                 progress(f"{name}: {text}", fraction)
 
-            found = module.measure(data.read(each, object), effort, tell)
+            found = self._module.measure(data.read(each, object), effort, tell)
             results.append(self._compare(found, each.name, each.campaign))
         return CaseResult(
             rows=[row for result in results for row in result.rows],
             drawings=[drawing for result in results for drawing in result.drawings],
             remarks=list(dict.fromkeys(remark for result in results for remark in result.remarks)),
+            pairs=[pairs for result in results for pairs in result.pairs],
         )
 
+    def summarise(self, pairs: Sequence[ReleasePairs]) -> CaseResult:
+        """Return the figures of a case that is `from_pairs`, from those of all other cases."""
+        return self._compare(self._module.measure(pairs), self.set, "")
+
+    @property
+    def _module(self) -> Any:
+        return importlib.import_module(f"gslcosim_validation.cases.{self.name.replace('-', '_')}")
+
     def _compare(self, found: Findings, set_name: str, campaign: str) -> CaseResult:
-        stem, begin = ("", "") if self.published else (f"{set_name}-", f"{set_name}: ")
+        stem, begin = ("", "") if self.set else (f"{set_name}-", f"{set_name}: ")
         remarks = {name: {} for name in self.remarks} if found.remarks is None else found.remarks
         texts = (choose_text(self.remarks[name], campaign).format(set=set_name, **remarks[name]) for name in remarks)
         return CaseResult(
@@ -192,6 +206,7 @@ class Case:
                 for name, draw in found.drawings.items()
             ],
             remarks=[text for text in texts if text],
+            pairs=[{**pairs, "measured_set": set_name} for pairs in found.pairs],
         )
 
     def _row(self, figure: Figure, set_name: str, campaign: str) -> Comparison:

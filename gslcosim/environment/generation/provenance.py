@@ -60,7 +60,7 @@ def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
     spec = scenario.environment
     if spec.path is not None:
         # The wind block of a scenario has no effect on a folder that has a wind.
-        made_from = _read_made_from(folder / HEADER_FILE)
+        made_from = read_made_from(folder / HEADER_FILE)
         wind = made_from.get("wind")
         solver = wind.get("solver") if isinstance(wind, Mapping) else None
         sources = [text for key, text in made_from.items() if isinstance(text, str) and key != "format"]
@@ -108,8 +108,8 @@ def _read_report(path: Path) -> dict[str, Any] | None:
     return report if isinstance(report, dict) else None
 
 
-# The last part of the header; the boxes before it are not parsed.
-def _read_made_from(path: Path) -> Mapping[str, Any]:
+def read_made_from(path: Path) -> Mapping[str, Any]:
+    """Return the recipe in an environment's header, whose boxes are not parsed; nothing if it has none."""
     try:
         _, key, rest = read_regular_file(path, max_bytes=_MAX_BYTES).decode().rpartition(_MADE_FROM)
         made_from = yaml.load(key + rest, Loader=BoundedLoader)["made_from"]

@@ -10,13 +10,21 @@ import pytest
 from gslcosim.environment.generation.provenance import find_mixed_air, read_wind_provenance
 from gslcosim.scenario import load_scenario
 from gslcosim.validity.conduct import AgentConduct, SensorUse, count_sensor_use, read_conduct
-from gslcosim.validity.findings import assess_conduct, assess_run, format_validity
+from gslcosim.validity.findings import Finding, assess_conduct, assess_run, format_validity
 
 MANIFEST = {
     "gslcosim": "0.1.0", "git": "abc", "lock": {"sha256": "f" * 64, "differing": []}, "installed_sha256": "0" * 64,
 }  # fmt: skip
 REFEREES_KEYS = ("n_commands", "n_refused", "n_adjusted", "first_refusal", "gas_contact_s", "has_succeeded")
 PAGE = Path(__file__).parents[3] / "docs/validity.md"
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch):
+    """What extensions find about runs: nothing but what a test adds."""
+    found = []
+    monkeypatch.setattr("gslcosim.validity.findings.load_registered", lambda *_: iter(found))
+    return found
 
 
 def scenario(*overrides, name="tiny_room"):
@@ -169,6 +177,28 @@ def test_a_terminal_gets_warnings_with_remedies_and_the_names_of_notes(tmp_path)
     assert lines[0] == "valid      with warnings"
     assert lines[1].startswith("  warning  commands: The vehicle refused 9 of 36")
     assert lines[2:] == ["  notes    contact (validity in result.json)"]
+
+
+def test_an_extension_adds_findings_and_what_is_to_be_quoted_is_printed(tmp_path, registered):
+    def find(plan, environments):
+        yield Finding(about="tide", severity="quote", text=f"{plan.name}: low.", figures={"n": len(environments)})
+
+    registered.append(find)
+    fields = assess(scenario("wind.solver=auto"), solved(tmp_path)).as_fields()
+    assert fields["tide"] == {"severity": "quote", "text": "tiny_room: low.", "remedy": "", "n": 1}
+    assert fields["verdict"] == "yes"
+    assert format_validity(fields) == ["valid      yes", "  quote    tide: tiny_room: low."]
+
+
+@pytest.mark.parametrize(
+    ("find", "said"),
+    [(lambda *_: 1 / 0, "ZeroDivisionError"), (lambda *_: ["low tide"], "expected a Finding, was 'low tide'")],
+)
+def test_a_finding_that_fails_costs_a_run_nothing_else(tmp_path, registered, find, said):
+    registered.append(find)
+    fields = assess(scenario("wind.solver=auto"), solved(tmp_path)).as_fields()
+    assert said in fields["extensions"]["text"]
+    assert {"wind", "commands"} <= set(fields)
 
 
 def test_the_page_has_every_key(tmp_path):

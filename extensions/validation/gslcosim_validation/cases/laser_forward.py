@@ -4,16 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim_search.fixed_sensors.background import background_beside_plumes
-from gslcosim_search.fixed_sensors.laser_sources import READING_ERROR_PPM
-from gslcosim_search.fixed_sensors.plume_response import plume_responses
 from gslcosim_validation.agreement import (
     agreement_estimate,
     factor_of_two_share,
     fractional_bias,
     normalised_mean_square_error,
 )
-from gslcosim_validation.laser_data import collect_laser_rows
+from gslcosim_validation.laser_data import collect_laser_rows, find_daily_background, predict_plumes
 from gslcosim_validation.readers.laser_paths import LaserPaths
 from gslcosim_validation.results import Effort, Figure, Findings, Progress
 
@@ -25,15 +22,8 @@ _MEASURES = {"fac2": factor_of_two_share, "bias": fractional_bias, "nmse": norma
 def measure(paths: LaserPaths, effort: Effort, progress: Progress) -> Findings:
     """Return how well the readings of each source agree with its plume."""
     laser = collect_laser_rows(paths)
-    predicted = np.empty_like(laser.readings_ppm)
-    for i, minutes in enumerate(paths.sources):
-        its = laser.source == i
-        predicted[its] = 0.0
-        for each in minutes.open_sources:
-            response = plume_responses(laser.sensors, laser.wind_of(i), np.array(each.position_m))
-            predicted[its] += each.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
-    background = background_beside_plumes(laser.readings_ppm, predicted, laser.day, negligible_ppm=READING_ERROR_PPM)
-    above = laser.readings_ppm - background
+    predicted = predict_plumes(paths, laser)
+    above = laser.readings_ppm - find_daily_background(laser, predicted)
     figures: list[Figure] = []
     scatter: list[tuple[str, np.ndarray, np.ndarray]] = []
     for i, name in enumerate(laser.names):

@@ -17,6 +17,7 @@ from gslcosim.flow.turbulence import make_model
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_validation.readers.columns import MeasuredDataError
 from gslcosim_validation.readers.leak_box import LeakBox, LeakCase
+from gslcosim_validation.release_pairs import build_pairs
 from gslcosim_validation.results import Effort, Figure, Findings, Progress, plain_estimate
 
 # Cells along the box; with 20 in place of 12 the first leak's mean and layers change by less than 2 %.
@@ -127,6 +128,11 @@ def measure(box: LeakBox, effort: Effort, progress: Progress) -> Findings:
             Figure("rms", plain_estimate(rms, len(leaks))),
         ],
         drawings={"profiles": lambda figure: _draw(figure, box, leaks)},
+        pairs=[
+            pairs
+            for leak in leaks
+            for pairs in build_pairs("room_with_heat", leak.case.name, "mean", leak.ours.at_end, leak.measured.at_end)
+        ],
     )
 
 

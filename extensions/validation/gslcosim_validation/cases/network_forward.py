@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim_search.fixed_sensors.background import background_beside_plumes
 from gslcosim_validation.agreement import (
     agreement_estimate,
     factor_of_two_share,
     fractional_bias,
     normalised_mean_square_error,
 )
-from gslcosim_validation.mast_data import predict_releases
+from gslcosim_validation.mast_data import find_hourly_background, predict_releases
 from gslcosim_validation.readers.mast_network import MastNetwork
 from gslcosim_validation.results import Effort, Figure, Findings, Progress
 
@@ -21,9 +20,6 @@ Floats = NDArray[np.float64]
 # As the comparison with the authors' model has it: means of half an hour, pairs of which one side exceeds this.
 MEAN_S = 1800.0
 LEAST_PPM = 0.1
-# Backgrounds drift within hours; plumes below the instruments' steps count as none.
-BACKGROUND_S = 3600.0
-NEGLIGIBLE_PPM = 0.05
 _LOW_PERCENTILE, _LOW_S = 10.0, 4 * 3600.0
 _MEASURES = {"fac2": factor_of_two_share, "bias": fractional_bias, "nmse": normalised_mean_square_error}
 
@@ -34,8 +30,7 @@ def measure(network: MastNetwork, effort: Effort, progress: Progress) -> Finding
         return Findings(remarks={"one_place": {}})
     progress("puffs", None)
     predicted = predict_releases(network)
-    hour = (network.clock_s // BACKGROUND_S).astype(np.int64)
-    beside = background_beside_plumes(network.readings_ppm, predicted, hour, negligible_ppm=NEGLIGIBLE_PPM)
+    beside = find_hourly_background(network, predicted)
     backgrounds = {
         "hour": ("above the hour's background", beside),
         "low": ("above the 10th percentile of 4 h", _low(network)),

@@ -17,6 +17,7 @@ from gslcosim_formats.heat.sources import AIR_HEAT_J_M3_K, build_surface
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_validation.gas_models import build_gas_scenario
 from gslcosim_validation.readers.room_sensors import RoomExperiment, RoomSensors
+from gslcosim_validation.release_pairs import build_pairs
 from gslcosim_validation.results import Effort, Figure, Findings, Progress, median_estimate, plain_estimate
 
 Floats = NDArray[np.float64]
@@ -272,7 +273,14 @@ def measure(room: RoomSensors, effort: Effort, progress: Progress) -> Findings:
         ours = simulate_readings(room, environment, experiment, _RUN_S)
         time_s = STEP_S * np.arange(1.0, len(ours) + 1.0)
         found.append((experiment, theirs, compute_sensor_figures(time_s, ours, quiet_until_s=0.0)))
-    return Findings(figures=_figures(found), drawings={"onset": lambda figure: _draw(figure, found)})
+    pairs = [
+        each
+        for experiment, theirs, ours in found
+        for each in build_pairs(
+            "room_with_heat", f"experiment {experiment.number}", "intensity", ours.intensity, theirs.intensity
+        )
+    ]
+    return Findings(figures=_figures(found), drawings={"onset": lambda figure: _draw(figure, found)}, pairs=pairs)
 
 
 def _figures(found: Sequence[_Pair]) -> list[Figure]:

@@ -9,7 +9,17 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim_bench.statistics.estimates import Estimate
 from gslcosim_validation.cases import load_case, load_cases
-from gslcosim_validation.page import RESULTS, make_storable, render_page, store_result, write_page
+from gslcosim_validation.page import (
+    RESULTS,
+    make_storable,
+    read_stored,
+    render_page,
+    store_result,
+    summarise,
+    terminal_rows,
+    write_page,
+)
+from gslcosim_validation.release_pairs import ReleasePairs
 from gslcosim_validation.results import CaseResult, Comparison, Drawing, Goal
 
 STUDIES = Path(__file__).parents[4] / "docs" / "studies"
@@ -72,6 +82,42 @@ def test_results_are_stored_with_their_figures_and_others_stay(tmp_path):
 def test_the_checked_in_page_is_that_of_its_results(tmp_path):
     shutil.copytree(STUDIES / RESULTS, tmp_path / RESULTS)
     assert write_page(tmp_path).read_text(encoding="utf-8") == (STUDIES / "reality.md").read_text(encoding="utf-8")
+
+
+def made_up_pairs(names, *, n=3):
+    return [
+        ReleasePairs(
+            kind_of_air="open_ground",
+            release=str(i),
+            quantity="mean",
+            modelled=[1.0 + 0.1 * k + 0.2 * i],
+            measured=[1.0],
+            measured_set=name,
+        )
+        for k, name in enumerate(names)
+        for i in range(n)
+    ]
+
+
+def test_errors_of_runs_are_made_of_what_all_cases_have_left(tmp_path):
+    for name, sets in (("laser-forward", ["field"]), ("network-forward", ["yard", "stack", "tank"])):
+        store_result(tmp_path, load_case(name), "full", CaseResult(rows=[], pairs=made_up_pairs(sets)))
+    (stored,) = summarise(read_stored(tmp_path), tmp_path)
+    quantities = [row["quantity"] for row in stored["rows"]]
+    assert quantities[0] == "coverage of 90 % intervals on sets held out, 12 means and intensities of releases"
+    assert stored["rows"][0]["goal"] == "0.8 to 0.97"
+    assert stored["rows"][2]["anchor"] == "field 3 of 3, stack 3 of 3, tank 3 of 3, yard 3 of 3"
+    assert (tmp_path / RESULTS / "expected_errors.json").is_file()
+    page = write_page(tmp_path).read_text(encoding="utf-8")
+    assert "| open ground | 1.00 | 1.3 [" in page
+    assert "| field (3), stack (3), tank (3), yard (3) | - | - |" in page
+    assert terminal_rows([stored])[1][0][3] == "1"
+
+
+def test_one_set_alone_says_nothing_of_runs(tmp_path):
+    result = make_storable(load_case("laser-forward"), "full", CaseResult(rows=[], pairs=made_up_pairs(["field"])))
+    assert summarise([result], tmp_path) == []
+    assert not (tmp_path / RESULTS).exists()
 
 
 def test_an_unknown_case_is_told_with_the_known_ones():
