@@ -64,12 +64,12 @@ def find_expected_error(scenario: Scenario, environments: Sequence[Path]) -> Ite
     if known is None:
         return
     gas = scenario.gas
-    is_without_eddies = isinstance(gas, FilamentsSpec) and gas.turbulence is None
+    is_without_eddies = isinstance(gas, FilamentsSpec) and gas.eddies is None
     yield Finding(
         about=ABOUT,
         severity="quote",
         text=_describe(kind, known, errors["level"]),
-        remedy="Filaments without gas.turbulence, as here, err by more." if is_without_eddies else "",
+        remedy="Filaments without eddies (gas.turbulence: {kind: none}), as here, err by more." if is_without_eddies else "",
         figures={"kind_of_air": kind, "level": errors["level"], **known, "page": PAGE},
     )
 

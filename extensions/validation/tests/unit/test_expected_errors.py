@@ -85,7 +85,7 @@ def test_each_kind_of_air_has_an_interval_and_says_whose_it_is():
 
 
 def test_filaments_without_eddies_are_told_that_they_err_by_more():
-    eddies = "gas.turbulence={kind: given}"
-    (plain,), (eddying,) = (find_expected_error(scenario("tiny_room", *more), []) for more in ((), (eddies,)))
-    assert "without gas.turbulence" in plain.remedy
+    walk = "gas.turbulence.kind=none"
+    (plain,), (eddying,) = (find_expected_error(scenario("tiny_room", *more), []) for more in ((walk,), ()))
+    assert "without eddies" in plain.remedy
     assert eddying.remedy == ""
