@@ -48,4 +48,6 @@ def stream(seed: int, name: str) -> RandomStream:
         seed: The scenario's seed, >= 0.
         name: `participant.purpose`, for example `fields.release`.
     """
-    return RandomStream(np.random.PCG64([seed, *name.encode()]))
+    words = [seed, *name.encode()]
+    # numpy takes an array of 32-bit words as it is, and a list number by number, at ten times the cost.
+    return RandomStream(np.random.PCG64(words if seed >= 2**32 else np.array(words, np.uint32)))

@@ -8,6 +8,7 @@ Arguments of several functions: `points_world_m` (m, 3) points, world frame, xyz
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -157,24 +158,33 @@ def add_adjusted_filaments_inplace(
             its standard deviation; it returns the adjusted contribution.
         surroundings: Data for `adjust_share`.
 
+    Returns:
+        (m,) mean standard deviation of the filaments at the points, by mixing ratio, walls or not [m]; or 0.
+
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py, tests/unit/services/fields/test_wall_images.py
     """
     position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
+    mean_m = np.zeros(points_world_m.shape[0])
     for p in range(points_world_m.shape[0]):
         x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        total = 0.0
         for f in range(sigma_m.shape[0]):
             fx, fy, fz = filament_position(position_world_m, f)
             s = np.float64(sigma_m[f])
             d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
             if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
                 continue
-            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
-                continue
             source = filaments.source_index[f]
             share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
+            total += share
+            mean_m[p] += share * s
+            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
+                continue
             share = adjust_share(share, surroundings, x, y, z, fx, fy, fz, s)
             mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+        mean_m[p] /= max(total, 1e-300)
+    return mean_m
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -184,7 +194,7 @@ def _keep_share(share, surroundings, x, y, z, fx, fy, fz, s):
 
 @numba.njit(cache=True, nogil=True)
 def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
-    """Add to each point the contribution of every filament to its mixing ratio.
+    """Add to each point the contribution of every filament to its mixing ratio, and return their mean size there.
 
     X = sum of S / ((2 pi)^(3/2) s^3) exp(-d^2 / (2 s^2))   over filaments with d <= cutoff s that are in sight
     [ppm] = [ppm m3] / [m3]; the exponent is dimensionless. The integral over all space is S (up to the cut-off).
@@ -203,30 +213,9 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
         tests/unit/services/fields/test_mixing_ratio.py, tests/analytic/test_gas_concentration.py
         (GSL-Bench's grids)
     """
-    add_adjusted_filaments_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _keep_share, None)
-
-
-@numba.njit(cache=True, nogil=True)
-def mean_sigma_m_at_points(points_world_m, filaments, cutoff_sigma):
-    """Return the (m,) mean standard deviation of the filaments at points, by mixing ratio, walls or not [m]; or 0.
-
-    Held by:
-        tests/unit/services/fields/test_mixing_ratio.py
-    """
-    mean_m = np.zeros(points_world_m.shape[0])
-    for p in range(points_world_m.shape[0]):
-        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
-        total = 0.0
-        for f in range(filaments.sigma_m.shape[0]):
-            fx, fy, fz = filament_position(filaments.position_world_m, f)
-            s = np.float64(filaments.sigma_m[f])
-            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
-            if d2 <= (cutoff_sigma * s) * (cutoff_sigma * s):
-                share = filament_contribution_ppm(filaments.strength_ppm_m3[filaments.source_index[f]], s, d2)
-                total += share
-                mean_m[p] += share * s
-        mean_m[p] /= max(total, 1e-300)
-    return mean_m
+    return add_adjusted_filaments_inplace(
+        points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _keep_share, None
+    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -408,16 +397,28 @@ def mixing_ratio_ppm_at(
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
     """
+    return mixing_ratio_and_size_at(points_world_m, filaments, walls=walls, cutoff_sigma=cutoff_sigma)[0]
+
+
+def mixing_ratio_and_size_at(
+    points_world_m: NDArray[np.float64],
+    filaments: Filaments,
+    *,
+    walls: Walls | None,
+    cutoff_sigma: float,
+    add: Callable[..., NDArray[np.float64]] = add_filaments_at_points_inplace,
+    surroundings: tuple[Any, ...] = (),
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `mixing_ratio_ppm_at` does, and the (m,) mean size of the filaments at the points [m].
+
+    Args:
+        add: Kernel that adds filaments at points.
+        surroundings: Its arguments after the walls.
+    """
     points = check_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
-    add_filaments_at_points_inplace(
-        points,
-        build_filament_arrays(filaments),
-        float(cutoff_sigma),
-        build_wall_cells(walls),
-        mixing_ratio_ppm,
-    )
-    return mixing_ratio_ppm
+    seen, cells = build_filament_arrays(filaments), build_wall_cells(walls)
+    return mixing_ratio_ppm, add(points, seen, float(cutoff_sigma), cells, *surroundings, mixing_ratio_ppm)
 
 
 def mixing_ratio_ppm_on_grid(

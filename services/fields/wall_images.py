@@ -19,9 +19,7 @@ from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import (
     Walls,
     add_adjusted_filaments_inplace,
-    build_filament_arrays,
-    build_wall_cells,
-    check_points,
+    mixing_ratio_and_size_at,
     to_float3,
 )
 
@@ -64,15 +62,14 @@ def count_cells_to_walls(occupancy):
     return counts
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _image_factor(point_m, centre_m, s, low_m, high_m):
     # 1 + exp(-(d_image^2 - d^2) / (2 s^2)) for the wall below and the wall above; d^2 differ by 4 times both distances.
     factor = 1.0
-    below_m, above_m = point_m - low_m, high_m - point_m
-    if below_m > 0.0:
-        factor += elementary.exp(-2.0 * below_m * (centre_m - low_m) / (s * s))
-    if above_m > 0.0:
-        factor += elementary.exp(-2.0 * above_m * (high_m - centre_m) / (s * s))
+    for gap_m, far_m in ((point_m - low_m, centre_m - low_m), (high_m - point_m, high_m - centre_m)):
+        # Less than exp(-38) is lost in rounding.
+        if gap_m > 0.0 and 2.0 * gap_m * far_m < 38.0 * s * s:
+            factor += elementary.exp(-2.0 * gap_m * far_m / (s * s))
     return factor
 
 
@@ -103,7 +100,7 @@ def add_imaged_filaments_at_points_inplace(
     Held by:
         tests/unit/services/fields/test_wall_images.py
     """
-    add_adjusted_filaments_inplace(
+    return add_adjusted_filaments_inplace(
         points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _add_images, (counts, origin_m, cell_m)
     )
 
@@ -148,20 +145,15 @@ class WallImages:
         counts = count_cells_to_walls(np.ascontiguousarray(environment.occupancy, np.uint8))
         return cls(counts=counts, origin_m=to_float3(environment.grid.origin_m), cell_m=float(environment.grid.cell_m))
 
-    def mixing_ratio_ppm_at(
+    def mixing_ratio_and_size_at(
         self, points_world_m: NDArray[np.float64], filaments: Filaments, *, walls: Walls | None, cutoff_sigma: float
-    ) -> NDArray[np.float64]:
-        """Return the (m, n_gases) mixing ratios [ppm by volume] at (m, 3) points, world frame [m]."""
-        points_m = check_points(points_world_m)
-        ppm = np.zeros((len(points_m), filaments.n_gases))
-        add_imaged_filaments_at_points_inplace(
-            points_m,
-            build_filament_arrays(filaments),
-            cutoff_sigma,
-            build_wall_cells(walls),
-            self.counts,
-            self.origin_m,
-            self.cell_m,
-            ppm,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the (m, n_gases) mixing ratios [ppm by volume] and (m,) mean sizes of filaments [m] at (m, 3) points."""
+        return mixing_ratio_and_size_at(
+            points_world_m,
+            filaments,
+            walls=walls,
+            cutoff_sigma=cutoff_sigma,
+            add=add_imaged_filaments_at_points_inplace,
+            surroundings=(self.counts, self.origin_m, self.cell_m),
         )
-        return ppm

@@ -10,6 +10,7 @@ import numpy as np
 from gslcosim.base import elementary
 from gslcosim_services.fields.filament.counter_rng import derive_step_key, normal_at
 from gslcosim_services.fields.filament.filament_step import (
+    FACE_MARGIN,
     NOT_FINITE,
     cell_index,
     is_step_in_free_air,
@@ -19,7 +20,7 @@ from gslcosim_services.fields.filament.filament_step import (
 from gslcosim_services.fields.turbulence.air import eddy_velocity_at, nodes_with_slopes
 from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
 from gslcosim_services.fields.turbulence.vector_kernels import N_SUMS
-from gslcosim_services.fields.turbulence.wall_faces import wind_beside_walls
+from gslcosim_services.fields.turbulence.wall_faces import is_open_cell, wind_beside_walls
 
 # An even change from this share of the velocity at its end carries a filament as far, in the mean square, as noise does
 # that begins at rest: a third of its end's variance times the time's square.
@@ -88,7 +89,8 @@ def _renew_velocity(x, y, z, u, v, w, p, held, own_velocity, sigma_m, first, air
     held[p, OWN], held[p, GROWTH] = s, (grown_m - sigma_m) / hold_s
 
 
-@numba.njit(cache=True, nogil=True)
+# Division by zero as in numpy: the movement is checked anyway.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def move_turbulent_filaments_inplace(
     position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, held, n, source_buoyancy,
     buoyancy_power, velocity_m_s, air, layers, occupancy, wall_faces, origin_m, cell_m, step, step_s, n_hold, key,
@@ -142,6 +144,7 @@ def move_turbulent_filaments_inplace(
     """
     step_key = derive_step_key(key, step)
     sums = np.empty(N_SUMS, np.float32)
+    reach_m = (1.0 - FACE_MARGIN) * cell_m
     n_left = 0
     for p in range(n):
         x, y, z = position_world_m[p, 0], position_world_m[p, 1], position_world_m[p, 2]
@@ -167,7 +170,7 @@ def move_turbulent_filaments_inplace(
             held[p, 1] + half_s * held[p, 4],
             held[p, 2] + half_s * held[p, 5],
         )
-        dz += source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
+        dz += source_buoyancy[source_index[p]] / (sigma_m[p] if buoyancy_power == 1 else elementary.pow(sigma_m[p], buoyancy_power))
         u, v, w = wind_beside_walls(
             velocity_m_s, wall_faces, origin_m, cell_m, x + half_s * (u + dx + ex), y + half_s * (v + dy + ey),
             z + half_s * (w + dz + ez),
@@ -178,10 +181,20 @@ def move_turbulent_filaments_inplace(
         if not math.isfinite((dx + dy + dz) + (ex + ey + ez)):
             return NOT_FINITE
         nx, ny, nz = x + (dx + ex), y + (dy + ey), z + (dz + ez)
-        i, ni = cell_index(x, origin_m[0], cell_m), cell_index(nx, origin_m[0], cell_m)
-        j, nj = cell_index(y, origin_m[1], cell_m), cell_index(ny, origin_m[1], cell_m)
-        k, nk = cell_index(z, origin_m[2], cell_m), cell_index(nz, origin_m[2], cell_m)
-        if not ((i == ni and j == nj and k == nk) or is_step_in_free_air(occupancy, i, j, k, ni, nj, nk)):
+        if not (
+            abs(nx - x) < reach_m
+            and abs(ny - y) < reach_m
+            and abs(nz - z) < reach_m
+            and is_open_cell(wall_faces, origin_m, cell_m, x, y, z)
+        ) and not is_step_in_free_air(
+            occupancy,
+            cell_index(x, origin_m[0], cell_m),
+            cell_index(y, origin_m[1], cell_m),
+            cell_index(z, origin_m[2], cell_m),
+            cell_index(nx, origin_m[0], cell_m),
+            cell_index(ny, origin_m[1], cell_m),
+            cell_index(nz, origin_m[2], cell_m),
+        ):
             nx, ny, nz, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=False)
             if has_left:
                 continue

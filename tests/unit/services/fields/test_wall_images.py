@@ -33,7 +33,7 @@ def gas_in(room, filament, images):
     if images is None:
         ppm = mixing_ratio_ppm_at(points_m, filament, walls=walls, cutoff_sigma=5.0)
     else:
-        ppm = images.mixing_ratio_ppm_at(points_m, filament, walls=walls, cutoff_sigma=5.0)
+        ppm = images.mixing_ratio_and_size_at(points_m, filament, walls=walls, cutoff_sigma=5.0)[0]
     return ppm.sum() * 0.1**3 / strength_ppm_m3(filament.amount_mol)[0]
 
 
@@ -48,7 +48,8 @@ def test_gas_at_walls_edges_and_corners_is_kept(room, offset_m):
 def test_a_filament_counts_twice_at_a_wall_and_once_far_from_it(room, x_m, factor):
     filament, points_m = filament_at((x_m, 2.0, 1.5)), np.add([ORIGIN_M], [(x_m, 2.1, 1.5)])
     plain = mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
-    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
+    images = WallImages.of(room)
+    imaged, _ = images.mixing_ratio_and_size_at(points_m, filament, walls=None, cutoff_sigma=5.0)
     assert imaged == pytest.approx(factor * plain, rel=1e-6)
 
 
@@ -69,6 +70,7 @@ def test_behind_an_obstacle_there_is_no_image_of_its_front():
     filament = build_filaments([(1.9, 1.9, 1.5)], [SIGMA_M], ppm=[RELEASED_PPM])
     points_m = np.array([[2.2, 2.4, 1.5]])
     plain = mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
-    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
+    images = WallImages.of(room)
+    imaged, _ = images.mixing_ratio_and_size_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
     assert plain > 0
     assert imaged == pytest.approx(plain, rel=1e-3)
