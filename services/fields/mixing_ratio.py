@@ -242,13 +242,11 @@ def _sample_gaussian(coordinate_m, s, origin_m, spacing_m, first, last, qq, gaus
         q *= qq
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _add_row(row_ppm, ppm, rest_m2, first, last, gaussian, offset2_m2):
-    # The part of a row within reach: a run without a branch on unit stride, for vector instructions.
-    n = last + 1 - first
-    some_ppm, g, d2 = row_ppm[first : last + 1], gaussian[first : last + 1], offset2_m2[first : last + 1]
-    for k in range(n):
-        some_ppm[k] += ppm * g[k] if d2[k] <= rest_m2 else 0.0
+    # The part of a row within reach: a run without a branch, for vector instructions, nor a test for negative indices.
+    for k in range(np.uint64(first), np.uint64(last + 1)):
+        row_ppm[k] += ppm * gaussian[k] if offset2_m2[k] <= rest_m2 else 0.0
 
 
 @numba.njit(cache=True, nogil=True)
