@@ -68,7 +68,7 @@ def _find_start(qx, qy, qz):
     # Index of the lowest node of the lattice that reaches a place [nodes], and the place above its cell.
     fx, fy, fz = math.floor(qx), math.floor(qy), math.floor(qz)
     i, j, k = np.int64(fx) & _MASK, np.int64(fy) & _MASK, np.int64(fz) & _MASK
-    return ((i * PADDED + j) * PADDED + k) * 4, np.float32(qx - fx), np.float32(qy - fy), np.float32(qz - fz)
+    return ((i * PADDED + j) * PADDED + k) * 3, np.float32(qx - fx), np.float32(qy - fy), np.float32(qz - fz)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -256,6 +256,5 @@ def _draw_origin(seed: int, of: str, n: int, epoch: int) -> list[float]:
 @lru_cache(maxsize=4)
 def draw_vectors(seed: int) -> NDArray[np.float32]:
     """Return the random vectors of a seed, see `EddyLayers`."""
-    numbers = np.zeros((N_LATTICE, N_LATTICE, N_LATTICE, 4), np.float32)
-    numbers[..., :3] = stream(seed, "fields.eddies").standard_normal(numbers[..., :3].shape, dtype=np.float32)
-    return np.pad(numbers, [(0, 2)] * 3 + [(0, 0)], mode="wrap").reshape(-1)
+    numbers = stream(seed, "fields.eddies").standard_normal((N_LATTICE, N_LATTICE, N_LATTICE, 3), dtype=np.float32)
+    return np.append(np.pad(numbers, [(0, 2)] * 3 + [(0, 0)], mode="wrap"), np.float32(0.0))

@@ -96,8 +96,8 @@ def add_pattern_pair(typingctx, lattice, sums, starts, fractions, slopes, weight
         for a in range(3):
             rows = []
             for b in range(3):
-                offset = 4 * PADDED * (PADDED * a + b)
-                nodes = [make.both(*(make.load(pointer, offset + 4 * c) for pointer in first)) for c in range(3)]
+                offset = 3 * PADDED * (PADDED * a + b)
+                nodes = [make.both(*(make.load(pointer, offset + 3 * c) for pointer in first)) for c in range(3)]
                 rows.append((make.dot(wz, nodes), make.dot(dz, nodes)))
             values, rises = zip(*rows, strict=True)
             planes.append((make.dot(wy, values), make.dot(dy, values), make.dot(wy, rises)))
