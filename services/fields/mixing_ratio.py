@@ -33,7 +33,7 @@ CUTOFF_SIGMA = 5.0
 class WallCells(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
 
-    `is_opaque` is false where no wall hides gas; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
+    `is_opaque` is false where no cell is solid; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
     (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `build_solid_sums`); `origin_m` (3,)
     corner of cell (0, 0, 0), world frame [m]; `cell_m` edge of the cubic cells [m].
     """
@@ -352,7 +352,7 @@ def build_wall_cells(walls: Walls | None) -> WallCells:
     """Return walls as kernels take them: arrays of their kind also where there are none."""
     seen_through = _NO_WALLS if walls is None else walls
     return WallCells(
-        is_opaque=walls is not None,
+        is_opaque=bool(seen_through.solid_sums[-1, -1, -1]),
         occupancy=seen_through.occupancy,
         solid_sums=seen_through.solid_sums,
         origin_m=seen_through.origin_m,
