@@ -156,8 +156,7 @@ class ObstacleCells:
         for closed, room in environment.by_doors().items():
             occupancy = np.ascontiguousarray(room.occupancy, np.uint8)
             walls = find_wall_faces(room) if has_walls else np.zeros(occupancy.shape, np.uint8)
-            is_open = find_open_cells(occupancy)
-            found[closed] = cls(occupancy=occupancy, is_open=is_open, wall_faces=walls | is_open << 6)
+            found[closed] = cls(occupancy=occupancy, is_open=find_open_cells(occupancy), wall_faces=walls)
         return found
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from gslcosim.base import elementary
 from gslcosim_services.fields.filament.counter_rng import derive_step_key, normal_at
 from gslcosim_services.fields.filament.filament_step import (
-    FACE_MARGIN,
     NOT_FINITE,
     cell_index,
     is_step_in_free_air,
@@ -20,7 +19,7 @@ from gslcosim_services.fields.filament.filament_step import (
 from gslcosim_services.fields.turbulence.air import eddy_velocity_at, nodes_with_slopes
 from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
 from gslcosim_services.fields.turbulence.vector_kernels import N_SUMS
-from gslcosim_services.fields.turbulence.wall_faces import is_open_cell, wind_beside_walls
+from gslcosim_services.fields.turbulence.wall_faces import wind_beside_walls
 
 # An even change from this share of the velocity at its end carries a filament as far, in the mean square, as noise does
 # that begins at rest: a third of its end's variance times the time's square.
@@ -144,7 +143,6 @@ def move_turbulent_filaments_inplace(
     """
     step_key = derive_step_key(key, step)
     sums = np.empty(N_SUMS, np.float32)
-    reach_m = (1.0 - FACE_MARGIN) * cell_m
     n_left = 0
     for p in range(n):
         x, y, z = position_world_m[p, 0], position_world_m[p, 1], position_world_m[p, 2]
@@ -181,20 +179,10 @@ def move_turbulent_filaments_inplace(
         if not math.isfinite((dx + dy + dz) + (ex + ey + ez)):
             return NOT_FINITE
         nx, ny, nz = x + (dx + ex), y + (dy + ey), z + (dz + ez)
-        if not (
-            abs(nx - x) < reach_m
-            and abs(ny - y) < reach_m
-            and abs(nz - z) < reach_m
-            and is_open_cell(wall_faces, origin_m, cell_m, x, y, z)
-        ) and not is_step_in_free_air(
-            occupancy,
-            cell_index(x, origin_m[0], cell_m),
-            cell_index(y, origin_m[1], cell_m),
-            cell_index(z, origin_m[2], cell_m),
-            cell_index(nx, origin_m[0], cell_m),
-            cell_index(ny, origin_m[1], cell_m),
-            cell_index(nz, origin_m[2], cell_m),
-        ):
+        i, ni = cell_index(x, origin_m[0], cell_m), cell_index(nx, origin_m[0], cell_m)
+        j, nj = cell_index(y, origin_m[1], cell_m), cell_index(ny, origin_m[1], cell_m)
+        k, nk = cell_index(z, origin_m[2], cell_m), cell_index(nz, origin_m[2], cell_m)
+        if not ((i == ni and j == nj and k == nk) or is_step_in_free_air(occupancy, i, j, k, ni, nj, nk)):
             nx, ny, nz, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=False)
             if has_left:
                 continue

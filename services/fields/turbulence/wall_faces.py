@@ -10,8 +10,6 @@ from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.environment.model import Cell, EnvironmentGeometry
 from gslcosim.environment.openings import FACES, cells_at, find_face
 
-OPEN = 64
-
 
 def find_wall_faces(room: EnvironmentGeometry) -> NDArray[np.uint8]:
     """Return which faces of each cell are walls, (nx, ny, nz): a bit for each of `FACES`; none in solids."""
@@ -41,17 +39,6 @@ def _share_through(low, high, is_first, is_last, t):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def is_open_cell(wall_faces, origin_m, cell_m, x, y, z):
-    """Return whether the cell at a point and its 26 neighbours are free."""
-    nx, ny, nz = wall_faces.shape
-    per_m = 1.0 / cell_m
-    i = min(np.int64((x - origin_m[0]) * per_m), nx - 1)
-    j = min(np.int64((y - origin_m[1]) * per_m), ny - 1)
-    k = min(np.int64((z - origin_m[2]) * per_m), nz - 1)
-    return wall_faces[i, j, k] & OPEN != 0
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
 def wind_beside_walls(velocity_m_s, wall_faces, origin_m, cell_m, x, y, z):
     """Return the wind at a point of a room, `trilinear_wind` without what would blow through walls.
 
@@ -73,7 +60,7 @@ def wind_beside_walls(velocity_m_s, wall_faces, origin_m, cell_m, x, y, z):
     sx, sy, sz = (x - origin_m[0]) * per_m, (y - origin_m[1]) * per_m, (z - origin_m[2]) * per_m
     i, j, k = min(max(np.int64(sx), 0), nx - 1), min(max(np.int64(sy), 0), ny - 1), min(max(np.int64(sz), 0), nz - 1)
     walls = wall_faces[i, j, k]
-    if walls & ~OPEN != 0:
+    if walls != 0:
         u *= _share_through(walls & 1, walls & 2, i == 0, i == nx - 1, sx - i)
         v *= _share_through(walls & 4, walls & 8, j == 0, j == ny - 1, sy - j)
         w *= _share_through(walls & 16, walls & 32, k == 0, k == nz - 1, sz - k)
