@@ -1,5 +1,5 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types
+
 """First numbers of a named stream, for those of whom few are drawn: a generator of numpy costs more than they do."""
 
 import numba
@@ -40,7 +40,7 @@ def draw_first_uniforms(words, n):
     Source:
         numpy's SeedSequence, after M. E. O'Neill 2015, Developing a seed_seq alternative; her PCG XSL RR 128/64, 2014.
     Held by:
-        tests/unit/test_rng.py
+        tests/unit/base/test_rng_kernels.py
     """
     pool, factor = np.empty(4, np.uint64), _INIT_A
     for i in range(8 + words.size - 4):

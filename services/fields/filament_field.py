@@ -19,12 +19,11 @@ from gslcosim_services.fields.gas_field import PointGrid, Visibility
 from gslcosim_services.fields.mixing_ratio import (
     check_points,
     mixing_ratio_and_size_at,
-    mixing_ratio_ppm_at,
     mixing_ratio_ppm_on_grid,
 )
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
-from gslcosim_services.fields.wall_images import WallImages
+from gslcosim_services.fields.wall_images import WallImages, add_imaged_filaments_at_points_inplace
 
 # From so many readings of one instant on, sorting the filaments first costs less than a sum over all of them.
 MIN_READINGS_FOR_INDEX = 4
@@ -219,17 +218,18 @@ class FilamentField:
     def _sum_at(
         self, points_world_m: NDArray[np.float64], *, is_indexed: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        filaments, sight, sigma_m = self.filaments, self._sight, np.zeros(0)
-        sum_at = mixing_ratio_and_size_at if self._image is None else self._image.mixing_ratio_and_size_at
-        is_indexed = is_indexed and self._image is None
+        filaments, sight, image, sigma_m = self.filaments, self._sight, self._image, np.zeros(0)
+        seen = {"walls": sight.walls, "cutoff_sigma": sight.cutoff_sigma}
+        if image is not None:
+            add = add_imaged_filaments_at_points_inplace
+            return mixing_ratio_and_size_at(points_world_m, filaments, **seen, add=add, surroundings=image)
         if not is_indexed or self._turbulence is not None:
-            ppm, sigma_m = sum_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
-            if not is_indexed:
-                return ppm, sigma_m
-        if self._indexed is not filaments:
-            self._index.build(filaments)
-            self._indexed = filaments
-        ppm = self._index.mixing_ratio_ppm_at(points_world_m, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
+            ppm, sigma_m = mixing_ratio_and_size_at(points_world_m, filaments, **seen)
+        if is_indexed:
+            if self._indexed is not filaments:
+                self._index.build(filaments)
+                self._indexed = filaments
+            ppm = self._index.mixing_ratio_ppm_at(points_world_m, **seen)
         return ppm, sigma_m
 
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:

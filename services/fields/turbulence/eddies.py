@@ -51,7 +51,7 @@ def largest_spacing_m(length_m: float) -> float:
 class EddyLayers(NamedTuple):
     """Eddies of one instant, in the form for kernels.
 
-    `lattice` (PADDED^3 4,) float32 holds the random vectors of a seed, at the nodes of a lattice that repeats. Each of
+    `lattice` (PADDED^3 3 + 1,) float32 has random vectors of a seed at the nodes of a lattice that repeats. Each of
     m patterns, m even and two to an octave, has an origin of its own in it, `offset` (m, 3) [nodes]; `drift_s` (m,) is
     its time of drift with the mean wind since the middle of its life [s], `weight` (m,) its factor, `per_spacing_m`
     (m,) the inverse of its nodes' distance [1/m], float32 each.

@@ -11,10 +11,9 @@ from gslcosim.environment.model import Cell
 from gslcosim_services.fields.mixing_ratio import (
     WallCells,
     Walls,
-    build_filament_arrays,
     build_solid_sums,
     is_visible,
-    mean_sigma_m_at_points,
+    mixing_ratio_and_size_at,
     mixing_ratio_ppm_at,
     mixing_ratio_ppm_on_grid,
 )
@@ -40,8 +39,8 @@ def test_beyond_the_cut_off_a_filament_counts_as_zero():
 
 def test_the_size_of_filaments_at_a_point_is_their_mean_by_mixing_ratio():
     """Of 0.1 and 0.2 m at one place, the first has eight times the mixing ratio; far away is neither."""
-    puffs = build_filament_arrays(build_filaments([(0.0, 0.0, 0.0)] * 2, [0.1, 0.2]))
-    found_m = mean_sigma_m_at_points(np.array([[0.0, 0.0, 0.0], [0.8, 0.0, 0.0], [9.0, 0.0, 0.0]]), puffs, 5.0)
+    puffs, points_m = build_filaments([(0.0, 0.0, 0.0)] * 2, [0.1, 0.2]), np.array([[0.0], [0.8], [9.0]]) * (1, 0, 0)
+    _, found_m = mixing_ratio_and_size_at(points_m, puffs, walls=None, cutoff_sigma=5.0)
     assert found_m.tolist() == pytest.approx([(8 * 0.1 + 0.2) / 9, 0.2, 0.0])
 
 
