@@ -2,14 +2,13 @@
 """Mixing ratio that filaments add up to at points and on grids, with walls that hide them.
 
 Arguments of several functions: `points_world_m` (m, 3) points, world frame, xyz [m]; `walls` those that hide gas,
-`WallCells`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
+`Walls`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numba
@@ -30,7 +29,7 @@ NORMALISATION = 2.0 * math.pi * math.sqrt(2.0 * math.pi)
 CUTOFF_SIGMA = 5.0
 
 
-class WallCells(NamedTuple):
+class Walls(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
 
     `is_opaque` is false where no cell is solid; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
@@ -43,6 +42,18 @@ class WallCells(NamedTuple):
     solid_sums: Any
     origin_m: Any
     cell_m: float
+
+    @classmethod
+    def of(cls, environment: Environment) -> Self:
+        """Return the walls of an environment."""
+        return cls.of_occupancy(environment.occupancy, environment.grid)
+
+    @classmethod
+    def of_occupancy(cls, occupancy: NDArray[np.uint8], grid: Grid) -> Self:
+        """Return the walls of (nx, ny, nz) cells; those of another kind than solid do not hide anything."""
+        cells = np.ascontiguousarray(occupancy, np.uint8)
+        sums = build_solid_sums(cells)
+        return cls(bool(sums[-1, -1, -1]), cells, sums, to_float3(grid.origin_m), float(grid.cell_m))
 
 
 class FilamentArrays(NamedTuple):
@@ -306,58 +317,12 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
                 _add_row(mixing_ratio_ppm[i, j], column_ppm, rest_m2, k0, k1, gz, dz2)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Walls:
-    """Walls that hide gas from readings: the occupancy grid and its summed table (see `build_solid_sums`)."""
-
-    occupancy: NDArray[np.uint8]
-    solid_sums: NDArray[np.int32]
-    origin_m: Vec3
-    cell_m: float
-
-    @classmethod
-    def of(cls, environment: Environment) -> Self:
-        """Return the walls of an environment."""
-        return cls.of_occupancy(environment.occupancy, environment.grid)
-
-    @classmethod
-    def of_occupancy(cls, occupancy: NDArray[np.uint8], grid: Grid) -> Self:
-        """Return the walls of (nx, ny, nz) cells; those of another kind than solid do not hide anything."""
-        cells = np.ascontiguousarray(occupancy, np.uint8)
-        return cls(
-            occupancy=cells,
-            solid_sums=build_solid_sums(cells),
-            origin_m=to_float3(grid.origin_m),
-            cell_m=float(grid.cell_m),
-        )
-
-
 def build_solid_sums(occupancy: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Return (nx + 1, ny + 1, nz + 1) numbers: entry (i, j, k) counts the solid cells with all indices below it."""
     sums = np.zeros(np.add(occupancy.shape, 1), np.int32)
     is_solid = (occupancy == Cell.SOLID).astype(np.int32)
     sums[1:, 1:, 1:] = is_solid.cumsum(0).cumsum(1).cumsum(2)
     return sums
-
-
-_NO_WALLS = Walls(
-    occupancy=np.zeros((1, 1, 1), np.uint8),
-    solid_sums=np.zeros((2, 2, 2), np.int32),
-    origin_m=(0.0, 0.0, 0.0),
-    cell_m=1.0,
-)
-
-
-def build_wall_cells(walls: Walls | None) -> WallCells:
-    """Return walls as kernels take them: arrays of their kind also where there are none."""
-    seen_through = _NO_WALLS if walls is None else walls
-    return WallCells(
-        is_opaque=bool(seen_through.solid_sums[-1, -1, -1]),
-        occupancy=seen_through.occupancy,
-        solid_sums=seen_through.solid_sums,
-        origin_m=seen_through.origin_m,
-        cell_m=seen_through.cell_m,
-    )
 
 
 def build_filament_arrays(filaments: Filaments) -> FilamentArrays:
@@ -415,8 +380,8 @@ def mixing_ratio_and_size_at(
     """
     points = check_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
-    seen, cells = build_filament_arrays(filaments), build_wall_cells(walls)
-    return mixing_ratio_ppm, add(points, seen, float(cutoff_sigma), cells, *surroundings, mixing_ratio_ppm)
+    seen, hiding = build_filament_arrays(filaments), walls or NO_WALLS
+    return mixing_ratio_ppm, add(points, seen, float(cutoff_sigma), hiding, *surroundings, mixing_ratio_ppm)
 
 
 def mixing_ratio_ppm_on_grid(
@@ -463,3 +428,7 @@ def check_points(points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
 def to_float3(vector: Vec3) -> Vec3:
     """Return a vector as Python floats, the one type kernels are compiled for."""
     return (float(vector[0]), float(vector[1]), float(vector[2]))
+
+
+_ONE_CELL = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(1, 1, 1))
+NO_WALLS = Walls.of_occupancy(np.zeros(_ONE_CELL.shape, np.uint8), _ONE_CELL)

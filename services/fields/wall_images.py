@@ -67,7 +67,7 @@ def add_imaged_filaments_at_points_inplace(
         points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
+        walls: `Walls`.
         counts: (nx, ny, nz, 6) of `count_cells_to_walls`.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].

@@ -9,7 +9,6 @@ from gslcosim.base.errors import ShapeError
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell
 from gslcosim_services.fields.mixing_ratio import (
-    WallCells,
     Walls,
     build_solid_sums,
     is_visible,
@@ -84,7 +83,7 @@ def test_the_summed_table_changes_no_line_of_sight():
     rng = np.random.default_rng(5)
     cells = (rng.random((11, 7, 5)) < 0.05).astype(np.uint8)
     origin_m, cell_m = (-1.0, 0.5, 2.0), 0.4
-    walls = WallCells(True, cells, build_solid_sums(cells), origin_m, cell_m)
+    walls = Walls(True, cells, build_solid_sums(cells), origin_m, cell_m)
     ends = origin_m + rng.uniform(-0.3, 1.3, (2000, 2, 3)) * np.array(cells.shape) * cell_m
     plain = [is_line_of_sight_free(cells, origin_m, cell_m, *a, *b) for a, b in ends]
     assert [is_visible(walls, *a, *b) for a, b in ends] == plain
