@@ -1,6 +1,6 @@
 # pyright: basic
 
-"""First numbers of a named stream, for those of whom few are drawn: a generator of numpy costs more than they do."""
+"""First numbers of a named stream: where few are drawn, a generator of numpy costs more to make than to use."""
 
 import numba
 import numpy as np

@@ -430,5 +430,4 @@ def to_float3(vector: Vec3) -> Vec3:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
 
 
-_ONE_CELL = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(1, 1, 1))
-NO_WALLS = Walls.of_occupancy(np.zeros(_ONE_CELL.shape, np.uint8), _ONE_CELL)
+NO_WALLS = Walls.of_occupancy(np.zeros((1, 1, 1), np.uint8), Grid(origin_m=(0, 0, 0), cell_m=1.0, shape=(1, 1, 1)))
