@@ -138,7 +138,7 @@ def _blend(f, w, i, j, k, i1, j1, k1, axis):
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     """Interpolate the wind at one point from the eight cell centres around it.
 
@@ -162,9 +162,9 @@ def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
     i, a = _bracket(x_m, origin_m[0], cell_m, nx)
     j, b = _bracket(y_m, origin_m[1], cell_m, ny)
     k, c = _bracket(z_m, origin_m[2], cell_m, nz)
-    i1 = min(i + 1, nx - 1)
-    j1 = min(j + 1, ny - 1)
-    k1 = min(k + 1, nz - 1)
+    # Unsigned indices spare the test for negative ones.
+    i1, j1, k1 = np.uint64(min(i + 1, nx - 1)), np.uint64(min(j + 1, ny - 1)), np.uint64(min(k + 1, nz - 1))
+    i, j, k = np.uint64(i), np.uint64(j), np.uint64(k)
     weights = (
         (1.0 - a) * (1.0 - b) * (1.0 - c), a * (1.0 - b) * (1.0 - c), (1.0 - a) * b * (1.0 - c), a * b * (1.0 - c),
         (1.0 - a) * (1.0 - b) * c, a * (1.0 - b) * c, (1.0 - a) * b * c, a * b * c,

@@ -17,15 +17,13 @@ from gslcosim_services.fields.filament.downwash import Jets
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, WindAt
 from gslcosim_services.fields.gas_field import PointGrid, Visibility
 from gslcosim_services.fields.mixing_ratio import (
-    build_filament_arrays,
     check_points,
-    mean_sigma_m_at_points,
-    mixing_ratio_ppm_at,
+    mixing_ratio_and_size_at,
     mixing_ratio_ppm_on_grid,
 )
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
-from gslcosim_services.fields.wall_images import WallImages
+from gslcosim_services.fields.wall_images import WallImages, add_imaged_filaments_at_points_inplace
 
 # From so many readings of one instant on, sorting the filaments first costs less than a sum over all of them.
 MIN_READINGS_FOR_INDEX = 4
@@ -207,29 +205,32 @@ class FilamentField:
                 it the last digits, depend on it. Absent: by `n_readings_per_step`.
         """
         is_indexed = self._uses_index if is_indexed is None else is_indexed
-        ppm = self._sum_at(points_world_m, is_indexed=is_indexed)
+        ppm, sigma_m = self._sum_at(points_world_m, is_indexed=is_indexed)
         # The last gases may have no source of filaments.
         n_missing = len(self.gases) - ppm.shape[1]
         if n_missing > 0:
             ppm = np.pad(ppm, ((0, 0), (0, n_missing)))
         if self._turbulence is None or not ppm.any():
             return ppm
-        points_m, cutoff_sigma = check_points(points_world_m), float(self._sight.cutoff_sigma)
-        sigma_m = mean_sigma_m_at_points(points_m, build_filament_arrays(self.filaments), cutoff_sigma)
-        return ppm * self._turbulence.gas_factors_at(points_m, sigma_m, self.time_s)[:, None]
+        return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), sigma_m, self.time_s)[:, None]
 
-    def _sum_at(self, points_world_m: NDArray[np.float64], *, is_indexed: bool) -> NDArray[np.float64]:
-        filaments, sight = self.filaments, self._sight
-        if self._image is not None:
-            return self._image.mixing_ratio_ppm_at(
-                points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma
-            )
-        if not is_indexed:
-            return mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
-        if self._indexed is not filaments:
-            self._index.build(filaments)
-            self._indexed = filaments
-        return self._index.mixing_ratio_ppm_at(points_world_m, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
+    # Mixing ratios, and sizes of the filaments where there is turbulence.
+    def _sum_at(
+        self, points_world_m: NDArray[np.float64], *, is_indexed: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        filaments, sight, image, sigma_m = self.filaments, self._sight, self._image, np.zeros(0)
+        seen = {"walls": sight.walls, "cutoff_sigma": sight.cutoff_sigma}
+        if image is not None:
+            add = add_imaged_filaments_at_points_inplace
+            return mixing_ratio_and_size_at(points_world_m, filaments, **seen, add=add, surroundings=image)
+        if not is_indexed or self._turbulence is not None:
+            ppm, sigma_m = mixing_ratio_and_size_at(points_world_m, filaments, **seen)
+        if is_indexed:
+            if self._indexed is not filaments:
+                self._index.build(filaments)
+                self._indexed = filaments
+            ppm = self._index.mixing_ratio_ppm_at(points_world_m, **seen)
+        return ppm, sigma_m
 
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
         """Return the mixing ratio of one gas on a grid, through walls; see `GasField`."""

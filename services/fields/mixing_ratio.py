@@ -2,13 +2,13 @@
 """Mixing ratio that filaments add up to at points and on grids, with walls that hide them.
 
 Arguments of several functions: `points_world_m` (m, 3) points, world frame, xyz [m]; `walls` those that hide gas,
-`WallCells`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
+`Walls`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
 import numba
@@ -29,10 +29,10 @@ NORMALISATION = 2.0 * math.pi * math.sqrt(2.0 * math.pi)
 CUTOFF_SIGMA = 5.0
 
 
-class WallCells(NamedTuple):
+class Walls(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
 
-    `is_opaque` is false where no wall hides gas; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
+    `is_opaque` is false where no cell is solid; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
     (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `build_solid_sums`); `origin_m` (3,)
     corner of cell (0, 0, 0), world frame [m]; `cell_m` edge of the cubic cells [m].
     """
@@ -42,6 +42,18 @@ class WallCells(NamedTuple):
     solid_sums: Any
     origin_m: Any
     cell_m: float
+
+    @classmethod
+    def of(cls, environment: Environment) -> Self:
+        """Return the walls of an environment."""
+        return cls.of_occupancy(environment.occupancy, environment.grid)
+
+    @classmethod
+    def of_occupancy(cls, occupancy: NDArray[np.uint8], grid: Grid) -> Self:
+        """Return the walls of (nx, ny, nz) cells; those of another kind than solid do not hide anything."""
+        cells = np.ascontiguousarray(occupancy, np.uint8)
+        sums = build_solid_sums(cells)
+        return cls(bool(sums[-1, -1, -1]), cells, sums, to_float3(grid.origin_m), float(grid.cell_m))
 
 
 class FilamentArrays(NamedTuple):
@@ -157,24 +169,33 @@ def add_adjusted_filaments_inplace(
             its standard deviation; it returns the adjusted contribution.
         surroundings: Data for `adjust_share`.
 
+    Returns:
+        (m,) mean standard deviation of the filaments at the points, by mixing ratio, walls or not [m]; or 0.
+
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py, tests/unit/services/fields/test_wall_images.py
     """
     position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
+    mean_m = np.zeros(points_world_m.shape[0])
     for p in range(points_world_m.shape[0]):
         x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        total = 0.0
         for f in range(sigma_m.shape[0]):
             fx, fy, fz = filament_position(position_world_m, f)
             s = np.float64(sigma_m[f])
             d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
             if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
                 continue
-            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
-                continue
             source = filaments.source_index[f]
             share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
+            total += share
+            mean_m[p] += share * s
+            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
+                continue
             share = adjust_share(share, surroundings, x, y, z, fx, fy, fz, s)
             mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+        mean_m[p] /= max(total, 1e-300)
+    return mean_m
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -184,7 +205,7 @@ def _keep_share(share, surroundings, x, y, z, fx, fy, fz, s):
 
 @numba.njit(cache=True, nogil=True)
 def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
-    """Add to each point the contribution of every filament to its mixing ratio.
+    """Add to each point the contribution of every filament to its mixing ratio, and return their mean size there.
 
     X = sum of S / ((2 pi)^(3/2) s^3) exp(-d^2 / (2 s^2))   over filaments with d <= cutoff s that are in sight
     [ppm] = [ppm m3] / [m3]; the exponent is dimensionless. The integral over all space is S (up to the cut-off).
@@ -203,30 +224,9 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
         tests/unit/services/fields/test_mixing_ratio.py, tests/analytic/test_gas_concentration.py
         (GSL-Bench's grids)
     """
-    add_adjusted_filaments_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _keep_share, None)
-
-
-@numba.njit(cache=True, nogil=True)
-def mean_sigma_m_at_points(points_world_m, filaments, cutoff_sigma):
-    """Return the (m,) mean standard deviation of the filaments at points, by mixing ratio, walls or not [m]; or 0.
-
-    Held by:
-        tests/unit/services/fields/test_mixing_ratio.py
-    """
-    mean_m = np.zeros(points_world_m.shape[0])
-    for p in range(points_world_m.shape[0]):
-        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
-        total = 0.0
-        for f in range(filaments.sigma_m.shape[0]):
-            fx, fy, fz = filament_position(filaments.position_world_m, f)
-            s = np.float64(filaments.sigma_m[f])
-            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
-            if d2 <= (cutoff_sigma * s) * (cutoff_sigma * s):
-                share = filament_contribution_ppm(filaments.strength_ppm_m3[filaments.source_index[f]], s, d2)
-                total += share
-                mean_m[p] += share * s
-        mean_m[p] /= max(total, 1e-300)
-    return mean_m
+    return add_adjusted_filaments_inplace(
+        points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _keep_share, None
+    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -253,13 +253,11 @@ def _sample_gaussian(coordinate_m, s, origin_m, spacing_m, first, last, qq, gaus
         q *= qq
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _add_row(row_ppm, ppm, rest_m2, first, last, gaussian, offset2_m2):
-    # The part of a row within reach: a run without a branch on unit stride, for vector instructions.
-    n = last + 1 - first
-    some_ppm, g, d2 = row_ppm[first : last + 1], gaussian[first : last + 1], offset2_m2[first : last + 1]
-    for k in range(n):
-        some_ppm[k] += ppm * g[k] if d2[k] <= rest_m2 else 0.0
+    # The part of a row within reach: a run without a branch, for vector instructions, nor a test for negative indices.
+    for k in range(np.uint64(first), np.uint64(last + 1)):
+        row_ppm[k] += ppm * gaussian[k] if offset2_m2[k] <= rest_m2 else 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -319,58 +317,12 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
                 _add_row(mixing_ratio_ppm[i, j], column_ppm, rest_m2, k0, k1, gz, dz2)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Walls:
-    """Walls that hide gas from readings: the occupancy grid and its summed table (see `build_solid_sums`)."""
-
-    occupancy: NDArray[np.uint8]
-    solid_sums: NDArray[np.int32]
-    origin_m: Vec3
-    cell_m: float
-
-    @classmethod
-    def of(cls, environment: Environment) -> Self:
-        """Return the walls of an environment."""
-        return cls.of_occupancy(environment.occupancy, environment.grid)
-
-    @classmethod
-    def of_occupancy(cls, occupancy: NDArray[np.uint8], grid: Grid) -> Self:
-        """Return the walls of (nx, ny, nz) cells; those of another kind than solid do not hide anything."""
-        cells = np.ascontiguousarray(occupancy, np.uint8)
-        return cls(
-            occupancy=cells,
-            solid_sums=build_solid_sums(cells),
-            origin_m=to_float3(grid.origin_m),
-            cell_m=float(grid.cell_m),
-        )
-
-
 def build_solid_sums(occupancy: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Return (nx + 1, ny + 1, nz + 1) numbers: entry (i, j, k) counts the solid cells with all indices below it."""
     sums = np.zeros(np.add(occupancy.shape, 1), np.int32)
     is_solid = (occupancy == Cell.SOLID).astype(np.int32)
     sums[1:, 1:, 1:] = is_solid.cumsum(0).cumsum(1).cumsum(2)
     return sums
-
-
-_NO_WALLS = Walls(
-    occupancy=np.zeros((1, 1, 1), np.uint8),
-    solid_sums=np.zeros((2, 2, 2), np.int32),
-    origin_m=(0.0, 0.0, 0.0),
-    cell_m=1.0,
-)
-
-
-def build_wall_cells(walls: Walls | None) -> WallCells:
-    """Return walls as kernels take them: arrays of their kind also where there are none."""
-    seen_through = _NO_WALLS if walls is None else walls
-    return WallCells(
-        is_opaque=walls is not None,
-        occupancy=seen_through.occupancy,
-        solid_sums=seen_through.solid_sums,
-        origin_m=seen_through.origin_m,
-        cell_m=seen_through.cell_m,
-    )
 
 
 def build_filament_arrays(filaments: Filaments) -> FilamentArrays:
@@ -408,16 +360,28 @@ def mixing_ratio_ppm_at(
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
     """
+    return mixing_ratio_and_size_at(points_world_m, filaments, walls=walls, cutoff_sigma=cutoff_sigma)[0]
+
+
+def mixing_ratio_and_size_at(
+    points_world_m: NDArray[np.float64],
+    filaments: Filaments,
+    *,
+    walls: Walls | None,
+    cutoff_sigma: float,
+    add: Callable[..., NDArray[np.float64]] = add_filaments_at_points_inplace,
+    surroundings: tuple[Any, ...] = (),
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `mixing_ratio_ppm_at` does, and the (m,) mean size of the filaments at the points [m].
+
+    Args:
+        add: Kernel that adds filaments at points.
+        surroundings: Its arguments after the walls.
+    """
     points = check_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
-    add_filaments_at_points_inplace(
-        points,
-        build_filament_arrays(filaments),
-        float(cutoff_sigma),
-        build_wall_cells(walls),
-        mixing_ratio_ppm,
-    )
-    return mixing_ratio_ppm
+    seen, hiding = build_filament_arrays(filaments), walls or NO_WALLS
+    return mixing_ratio_ppm, add(points, seen, float(cutoff_sigma), hiding, *surroundings, mixing_ratio_ppm)
 
 
 def mixing_ratio_ppm_on_grid(
@@ -464,3 +428,6 @@ def check_points(points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
 def to_float3(vector: Vec3) -> Vec3:
     """Return a vector as Python floats, the one type kernels are compiled for."""
     return (float(vector[0]), float(vector[1]), float(vector[2]))
+
+
+NO_WALLS = Walls.of_occupancy(np.zeros((1, 1, 1), np.uint8), Grid(origin_m=(0, 0, 0), cell_m=1.0, shape=(1, 1, 1)))

@@ -15,10 +15,10 @@ from gslcosim.base.quantities import Vec3
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import (
     CUTOFF_SIGMA,
+    NO_WALLS,
     NORMALISATION,
     Walls,
     build_filament_arrays,
-    build_wall_cells,
     check_points,
     filament_position,
     is_box_of_air,
@@ -222,7 +222,7 @@ def add_indexed_filaments_at_points_inplace(
         rows: `SortedFilaments` of it.
         largest_of_all_m: Largest standard deviation of all [m].
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
+        walls: `Walls`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Held by:
@@ -316,7 +316,7 @@ class FilamentIndex:
             self._rows,
             float(self._blocks.largest_sigma_m.max()),
             float(cutoff_sigma),
-            build_wall_cells(walls),
+            walls or NO_WALLS,
             mixing_ratio_ppm,
         )
         return mixing_ratio_ppm

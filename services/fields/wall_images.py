@@ -3,8 +3,7 @@
 """Images of filaments at walls: the part of a Gaussian behind a wall is reflected into the room."""
 
 import math
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numba
 import numpy as np
@@ -15,21 +14,12 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import SOLID
 from gslcosim.environment.model import Environment
 from gslcosim_services.fields.filament.filament_step import FREE_CELL, cell_index
-from gslcosim_services.fields.filament.plume import Filaments
-from gslcosim_services.fields.mixing_ratio import (
-    Walls,
-    add_adjusted_filaments_inplace,
-    build_filament_arrays,
-    build_wall_cells,
-    check_points,
-    to_float3,
-)
+from gslcosim_services.fields.mixing_ratio import add_adjusted_filaments_inplace, to_float3
 
 NO_WALL = 255
 
 
-@numba.njit(cache=True, nogil=True)
-def count_cells_to_walls(occupancy):
+def count_cells_to_walls(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the number of cells of air between each cell and the next wall along -x, +x, -y, +y, -z and +z.
 
     The border of the grid is a wall. NO_WALL where an outlet comes first, or the wall is too far to count.
@@ -40,39 +30,27 @@ def count_cells_to_walls(occupancy):
     Returns:
         (nx, ny, nz, 6) uint8.
     """
-    nx, ny, nz = occupancy.shape
-    counts = np.full((nx, ny, nz, 6), NO_WALL, np.uint8)
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                if occupancy[i, j, k] != FREE_CELL:
-                    continue
-                for side in range(6):
-                    axis, step = side // 2, 1 if side % 2 else -1
-                    a, b, c, n = i, j, k, 0
-                    while n < NO_WALL:
-                        a += step if axis == 0 else 0
-                        b += step if axis == 1 else 0
-                        c += step if axis == 2 else 0
-                        is_inside = 0 <= a < nx and 0 <= b < ny and 0 <= c < nz
-                        if not is_inside or occupancy[a, b, c] == SOLID:
-                            counts[i, j, k, side] = n
-                            break
-                        if occupancy[a, b, c] != FREE_CELL:
-                            break
-                        n += 1
+    counts = np.empty((*occupancy.shape, 6), np.uint8)
+    for side in range(6):
+        # Away from the wall, from layer to layer.
+        layers, found = (
+            np.moveaxis(of, side // 2, 0)[:: -1 if side % 2 else 1] for of in (occupancy, counts[..., side])
+        )
+        n = np.zeros(layers.shape[1:], np.int64)
+        for layer, found_here in zip(layers, found, strict=True):
+            found_here[...] = np.where(layer == FREE_CELL, n, NO_WALL)
+            n = np.where(layer == FREE_CELL, np.minimum(n + 1, NO_WALL), np.where(layer == SOLID, 0, NO_WALL))
     return counts
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _image_factor(point_m, centre_m, s, low_m, high_m):
     # 1 + exp(-(d_image^2 - d^2) / (2 s^2)) for the wall below and the wall above; d^2 differ by 4 times both distances.
     factor = 1.0
-    below_m, above_m = point_m - low_m, high_m - point_m
-    if below_m > 0.0:
-        factor += elementary.exp(-2.0 * below_m * (centre_m - low_m) / (s * s))
-    if above_m > 0.0:
-        factor += elementary.exp(-2.0 * above_m * (high_m - centre_m) / (s * s))
+    for gap_m, far_m in ((point_m - low_m, centre_m - low_m), (high_m - point_m, high_m - centre_m)):
+        # Less than exp(-38) is lost in rounding.
+        if gap_m > 0.0 and 2.0 * gap_m * far_m < 38.0 * s * s:
+            factor += elementary.exp(-2.0 * gap_m * far_m / (s * s))
     return factor
 
 
@@ -89,7 +67,7 @@ def add_imaged_filaments_at_points_inplace(
         points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
+        walls: `Walls`.
         counts: (nx, ny, nz, 6) of `count_cells_to_walls`.
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
@@ -103,7 +81,7 @@ def add_imaged_filaments_at_points_inplace(
     Held by:
         tests/unit/services/fields/test_wall_images.py
     """
-    add_adjusted_filaments_inplace(
+    return add_adjusted_filaments_inplace(
         points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _add_images, (counts, origin_m, cell_m)
     )
 
@@ -134,9 +112,8 @@ def _high(origin_m, cell_m, i, n):
     return math.inf if n == NO_WALL else origin_m + (i + 1 + np.int64(n)) * cell_m
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WallImages:
-    """Walls of a room that reflect filaments' gas, for grids of cells; see `count_cells_to_walls`."""
+class WallImages(NamedTuple):
+    """Walls of a room that reflect filaments' gas, for grids of cells; see `add_imaged_filaments_at_points_inplace`."""
 
     counts: NDArray[np.uint8]
     origin_m: Vec3
@@ -146,22 +123,4 @@ class WallImages:
     def of(cls, environment: Environment) -> Self:
         """Return the walls of a room."""
         counts = count_cells_to_walls(np.ascontiguousarray(environment.occupancy, np.uint8))
-        return cls(counts=counts, origin_m=to_float3(environment.grid.origin_m), cell_m=float(environment.grid.cell_m))
-
-    def mixing_ratio_ppm_at(
-        self, points_world_m: NDArray[np.float64], filaments: Filaments, *, walls: Walls | None, cutoff_sigma: float
-    ) -> NDArray[np.float64]:
-        """Return the (m, n_gases) mixing ratios [ppm by volume] at (m, 3) points, world frame [m]."""
-        points_m = check_points(points_world_m)
-        ppm = np.zeros((len(points_m), filaments.n_gases))
-        add_imaged_filaments_at_points_inplace(
-            points_m,
-            build_filament_arrays(filaments),
-            cutoff_sigma,
-            build_wall_cells(walls),
-            self.counts,
-            self.origin_m,
-            self.cell_m,
-            ppm,
-        )
-        return ppm
+        return cls(counts, to_float3(environment.grid.origin_m), float(environment.grid.cell_m))

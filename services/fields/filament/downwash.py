@@ -14,7 +14,7 @@ from gslcosim.base.quantities import GRAVITY_M_S2
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.scenario import Scenario
 from gslcosim.vehicles import Vehicle
-from gslcosim_services.fields.filament.filament_step import trace_displacement
+from gslcosim_services.fields.filament.filament_step import trace_reflections
 
 # Constants of the merged jet, in motor distances.
 DECAY = 10.11
@@ -100,7 +100,7 @@ def blow_filaments_inplace(
                 if speed_m_s <= 0.0:
                     break
                 part_s = min(left_s, MAX_MOVE * size_m / speed_m_s)
-                nx, ny, nz, has_left = trace_displacement(
+                nx, ny, nz, has_left, _, _, _ = trace_reflections(
                     occupancy, origin_m, cell_m, x, y, z, 0.0, 0.0, -speed_m_s * part_s, reflects=False
                 )
                 if has_left or nz >= z:

@@ -137,20 +137,6 @@ def trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects
 
 
 @numba.njit(cache=True, nogil=True)
-def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects):
-    """Move a point through the grid cell by cell; `trace_reflections` without the signs.
-
-    Args:
-        occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet; index order ij.
-        x, y, z: Start, world frame [m]; in a cell that is not solid.
-        dx, dy, dz: Displacement, world frame [m]; of any length.
-        reflects: Whether walls reflect; otherwise the point slides along them.
-    """
-    x, y, z, has_left, _, _, _ = trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=reflects)
-    return x, y, z, has_left
-
-
-@numba.njit(cache=True, nogil=True)
 def is_step_in_free_air(occupancy, i0, j0, k0, i1, j1, k1):
     """Return whether all cells of the smallest box around two cells are free; false when they are not neighbours.
 
@@ -393,20 +379,21 @@ def displace_filaments(position_m, wind_m_s, cell_m, work):
 
 
 @numba.njit(cache=True, nogil=True)
-def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez):
-    # The wind's part (a) slides along walls, the eddies' part (e) is reflected by them. Most steps meet none.
+def move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez):
+    """Move a point by the wind's part (a), which slides along walls, then by the eddies' (e), which they reflect.
+
+    Most steps meet none. Arguments and results are those of `trace_reflections`.
+    """
     nx, ny, nz = x + (ax + ex), y + (ay + ey), z + (az + ez)
     i, ni = cell_index(x, origin_m[0], cell_m), cell_index(nx, origin_m[0], cell_m)
     j, nj = cell_index(y, origin_m[1], cell_m), cell_index(ny, origin_m[1], cell_m)
     k, nk = cell_index(z, origin_m[2], cell_m), cell_index(nz, origin_m[2], cell_m)
-    if i == ni and j == nj and k == nk:
-        return nx, ny, nz, False
-    if is_step_in_free_air(occupancy, i, j, k, ni, nj, nk):
-        return nx, ny, nz, False
-    x, y, z, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, reflects=False)
+    if (i == ni and j == nj and k == nk) or is_step_in_free_air(occupancy, i, j, k, ni, nj, nk):
+        return nx, ny, nz, False, 1.0, 1.0, 1.0
+    x, y, z, has_left, _, _, _ = trace_reflections(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, reflects=False)
     if has_left:
-        return x, y, z, True
-    return trace_displacement(occupancy, origin_m, cell_m, x, y, z, ex, ey, ez, reflects=True)
+        return x, y, z, True, 1.0, 1.0, 1.0
+    return trace_reflections(occupancy, origin_m, cell_m, x, y, z, ex, ey, ez, reflects=True)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -428,7 +415,7 @@ def _move_bounded(occupancy, origin_m, cell_m, position_m, wind_m_s, bounded, wo
         if not math.isfinite((ax + ex) + (ay + ey) + (az + ez)):
             return NOT_FINITE
         x, y, z = position_m[3 * p], position_m[3 * p + 1], position_m[3 * p + 2]
-        x, y, z, has_left = _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez)
+        x, y, z, has_left, _, _, _ = move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez)
         work[MOVED + p], work[MOVED + Y + p], work[MOVED + Z + p] = x, y, z
         if has_left:
             work[FATE + p] = LEFT

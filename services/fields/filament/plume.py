@@ -16,7 +16,7 @@ from gslcosim.base.rng import stream
 from gslcosim.environment.model import AT_START, Cell, Closed, Environment
 from gslcosim_services.fields.filament.counter_rng import draw_uniforms
 from gslcosim_services.fields.filament.downwash import Jets, blow_filaments_inplace
-from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_filaments_inplace, trace_displacement
+from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_filaments_inplace, trace_reflections
 from gslcosim_services.fields.filament.release import POINT, ReleasePlan, SourceChange, SourceShape, SourceValve
 from gslcosim_services.fields.filament.turbulent_step import N_HELD, move_turbulent_filaments_inplace
 from gslcosim_services.fields.turbulence.air import TurbulentAir
@@ -456,7 +456,7 @@ class FilamentPlume:
         )
         grid = self._environment.grid
         for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):
-            x, y, z, has_left = trace_displacement(
+            x, y, z, has_left, *_ = trace_reflections(
                 self._room.occupancy, grid.origin_m, grid.cell_m, *place_m, *offset_m, reflects=False
             )
             if not has_left:

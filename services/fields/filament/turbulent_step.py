@@ -9,13 +9,7 @@ import numpy as np
 
 from gslcosim.base import elementary
 from gslcosim_services.fields.filament.counter_rng import derive_step_key, normal_at
-from gslcosim_services.fields.filament.filament_step import (
-    NOT_FINITE,
-    cell_index,
-    is_step_in_free_air,
-    trace_displacement,
-    trace_reflections,
-)
+from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_near_walls
 from gslcosim_services.fields.turbulence.air import eddy_velocity_at, nodes_with_slopes
 from gslcosim_services.fields.turbulence.eddies import EPSILON_ROOT, OWN_RATE, OWN_STD, slopes_of
 from gslcosim_services.fields.turbulence.vector_kernels import N_SUMS
@@ -88,7 +82,8 @@ def _renew_velocity(x, y, z, u, v, w, p, held, own_velocity, sigma_m, first, air
     held[p, OWN], held[p, GROWTH] = s, (grown_m - sigma_m) / hold_s
 
 
-@numba.njit(cache=True, nogil=True)
+# Division by zero as in numpy: the movement is checked anyway.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def move_turbulent_filaments_inplace(
     position_world_m, sigma_m, birth_steps, filament_id, source_index, own_velocity, held, n, source_buoyancy,
     buoyancy_power, velocity_m_s, air, layers, occupancy, wall_faces, origin_m, cell_m, step, step_s, n_hold, key,
@@ -162,12 +157,11 @@ def move_turbulent_filaments_inplace(
         ex = own * (own_velocity[p, 0] + half_s * held[p, 6])
         ey = own * (own_velocity[p, 1] + half_s * held[p, 7])
         ez = own * (own_velocity[p, 2] + half_s * held[p, 8])
-        dx, dy, dz = (
-            held[p, 0] + half_s * held[p, 3],
-            held[p, 1] + half_s * held[p, 4],
-            held[p, 2] + half_s * held[p, 5],
-        )
-        dz += source_buoyancy[source_index[p]] / elementary.pow(sigma_m[p], buoyancy_power)
+        dx = held[p, 0] + half_s * held[p, 3]
+        dy = held[p, 1] + half_s * held[p, 4]
+        dz = held[p, 2] + half_s * held[p, 5]
+        size = sigma_m[p] if buoyancy_power == 1 else elementary.pow(sigma_m[p], buoyancy_power)
+        dz += source_buoyancy[source_index[p]] / size
         u, v, w = wind_beside_walls(
             velocity_m_s, wall_faces, origin_m, cell_m, x + half_s * (u + dx + ex), y + half_s * (v + dy + ey),
             z + half_s * (w + dz + ez),
@@ -177,23 +171,15 @@ def move_turbulent_filaments_inplace(
         dx, dy, dz = (u + dx) * dt_s, (v + dy) * dt_s, (w + dz) * dt_s
         if not math.isfinite((dx + dy + dz) + (ex + ey + ez)):
             return NOT_FINITE
-        nx, ny, nz = x + (dx + ex), y + (dy + ey), z + (dz + ez)
-        i, ni = cell_index(x, origin_m[0], cell_m), cell_index(nx, origin_m[0], cell_m)
-        j, nj = cell_index(y, origin_m[1], cell_m), cell_index(ny, origin_m[1], cell_m)
-        k, nk = cell_index(z, origin_m[2], cell_m), cell_index(nz, origin_m[2], cell_m)
-        if not ((i == ni and j == nj and k == nk) or is_step_in_free_air(occupancy, i, j, k, ni, nj, nk)):
-            nx, ny, nz, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=False)
-            if has_left:
-                continue
-            nx, ny, nz, has_left, flip_x, flip_y, flip_z = trace_reflections(
-                occupancy, origin_m, cell_m, nx, ny, nz, ex, ey, ez, reflects=True
-            )
-            if has_left:
-                continue
-            for c, flip in enumerate((flip_x, flip_y, flip_z)):
-                own_velocity[p, c] *= flip
-                held[p, 6 + c] *= flip
-        position_world_m[n_left, 0], position_world_m[n_left, 1], position_world_m[n_left, 2] = nx, ny, nz
+        x, y, z, has_left, flip_x, flip_y, flip_z = move_near_walls(
+            occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, ex, ey, ez
+        )
+        if has_left:
+            continue
+        for c, flip in enumerate((flip_x, flip_y, flip_z)):
+            own_velocity[p, c] *= flip
+            held[p, 6 + c] *= flip
+        position_world_m[n_left, 0], position_world_m[n_left, 1], position_world_m[n_left, 2] = x, y, z
         for c in range(3):
             own_velocity[n_left, c] = own_velocity[p, c] + dt_s * held[p, 6 + c]
             held[n_left, c] = held[p, c] + dt_s * held[p, 3 + c]

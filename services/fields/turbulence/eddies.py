@@ -3,7 +3,6 @@
 """Large eddies: a random velocity without divergence that the mean wind carries."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -13,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base import elementary
-from gslcosim.base.rng import stream
+from gslcosim.base.rng import list_stream_words, stream
+from gslcosim.base.rng_kernels import draw_first_uniforms
 from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE, N_SUMS, PADDED, add_pattern_pair
 
 N_LAYERS = 2
@@ -51,7 +51,7 @@ def largest_spacing_m(length_m: float) -> float:
 class EddyLayers(NamedTuple):
     """Eddies of one instant, in the form for kernels.
 
-    `lattice` (PADDED^3 4,) float32 holds the random vectors of a seed, at the nodes of a lattice that repeats. Each of
+    `lattice` (PADDED^3 3 + 1,) float32 has random vectors of a seed at the nodes of a lattice that repeats. Each of
     m patterns, m even and two to an octave, has an origin of its own in it, `offset` (m, 3) [nodes]; `drift_s` (m,) is
     its time of drift with the mean wind since the middle of its life [s], `weight` (m,) its factor, `per_spacing_m`
     (m,) the inverse of its nodes' distance [1/m], float32 each.
@@ -69,7 +69,7 @@ def _find_start(qx, qy, qz):
     # Index of the lowest node of the lattice that reaches a place [nodes], and the place above its cell.
     fx, fy, fz = math.floor(qx), math.floor(qy), math.floor(qz)
     i, j, k = np.int64(fx) & _MASK, np.int64(fy) & _MASK, np.int64(fz) & _MASK
-    return ((i * PADDED + j) * PADDED + k) * 4, np.float32(qx - fx), np.float32(qy - fy), np.float32(qz - fz)
+    return ((i * PADDED + j) * PADDED + k) * 3, np.float32(qx - fx), np.float32(qy - fy), np.float32(qz - fz)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -163,33 +163,28 @@ class EddyScales:
     time_s: float
 
 
-class PatternAge(NamedTuple):
-    """Age of one drifting pattern: its octave, layer and number, its drift since mid-life [s], and its fade, 0 to 1."""
-
-    octave: int
-    layer: int
-    epoch: int
-    drift_s: float
-    fade: float
-
-
-def list_pattern_ages(time_s: float, life_s: Iterable[float]) -> list[PatternAge]:
-    """Return the ages of the `N_LAYERS` patterns of each octave at a time >= 0 [s].
+@numba.njit(cache=True, nogil=True)
+def age_patterns(time_s, life_s):
+    """Return the ages of the `N_LAYERS` patterns of each octave at a time >= 0.
 
     A pattern grows in and fades out as a half sine over its life, and the next begins when the other is at its height.
 
     Args:
-        time_s: The time.
-        life_s: Life of a pattern of each octave [s].
+        time_s: The time [s].
+        life_s: (n,) life of a pattern of each octave [s].
+
+    Returns:
+        (N_LAYERS n,) of each pattern: its number in its layer, int64; its drift since mid-life [s]; its fade, 0 to 1.
     """
-    ages: list[PatternAge] = []
-    for octave, octave_life_s in enumerate(life_s):
-        for layer in range(N_LAYERS):
-            lives = time_s / octave_life_s + layer / N_LAYERS
-            epoch = math.floor(lives)
-            drift_s = (lives - epoch - 0.5) * octave_life_s
-            ages.append(PatternAge(octave, layer, epoch, drift_s, elementary.sin(math.pi * (lives - epoch))))
-    return ages
+    m = N_LAYERS * life_s.size
+    epoch, drift_s, fade = np.empty(m, np.int64), np.empty(m), np.empty(m)
+    for n in range(m):
+        octave_life_s = life_s[n // N_LAYERS]
+        lives = time_s / octave_life_s + n % N_LAYERS / N_LAYERS
+        epoch[n] = math.floor(lives)
+        drift_s[n] = (lives - epoch[n] - 0.5) * octave_life_s
+        fade[n] = elementary.sin(math.pi * (lives - epoch[n]))
+    return epoch, drift_s, fade
 
 
 class LargeEddies:
@@ -216,10 +211,10 @@ class LargeEddies:
         if n_octaves > N_EDDY_OCTAVES:
             energy[N_EDDY_OCTAVES:] = fine_share * octave_shares(n_octaves - N_EDDY_OCTAVES)
         # A is a velocity times the largest spacing; smaller lattices have as much less.
-        self._factor = tuple((np.sqrt(energy) * np.ldexp(1.0, -octaves)).tolist())
-        life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
-        self._life_s = tuple(life_s.tolist())
-        self._spacing_m = tuple(np.ldexp(largest_spacing_m(scales.length_m), -octaves).tolist())
+        self._factor = np.repeat(np.sqrt(energy) * np.ldexp(1.0, -octaves), N_LAYERS)
+        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
+        spacing_m = np.ldexp(largest_spacing_m(scales.length_m), -octaves).astype(np.float32)
+        self._per_spacing_m = np.repeat(np.float32(1.0) / spacing_m, N_LAYERS)
         self._seed = seed
 
     def reset(self, seed: int) -> None:
@@ -228,41 +223,39 @@ class LargeEddies:
 
     def at(self, time_s: float) -> EddyLayers:
         """Return the eddies at a time >= 0 [s]."""
-        return _layers_at(self._seed, time_s, self._life_s, self._factor, self._spacing_m)
+        epochs, drift_s, fade = age_patterns(time_s, self._life_s)
+        return EddyLayers(
+            draw_vectors(self._seed),
+            draw_origins(self._seed, "eddies", tuple(epochs.tolist())),
+            drift_s.astype(np.float32),
+            (self._factor * fade).astype(np.float32),
+            self._per_spacing_m,
+        )
 
 
-# Cached outside of the objects: plume and instruments use the same patterns, the plume again later, and no state holds
-# them.
+# Cached outside of the objects: plume and instruments use the same patterns, and no state holds them.
 @lru_cache(maxsize=64)
-def _layers_at(
-    seed: int, time_s: float, life_s: tuple[float, ...], factor: tuple[float, ...], spacing_m: tuple[float, ...]
-) -> EddyLayers:
-    ages = list_pattern_ages(time_s, life_s)
-    return EddyLayers(
-        draw_vectors(seed),
-        np.array([draw_origin(seed, "eddies", age) for age in ages]),
-        np.array([age.drift_s for age in ages], np.float32),
-        np.array([factor[age.octave] * age.fade for age in ages], np.float32),
-        np.repeat(np.float32(1.0) / np.array(spacing_m, np.float32), N_LAYERS),
-    )
-
-
-def draw_origin(seed: int, of: str, age: PatternAge) -> NDArray[np.float64]:
-    """Return the origin (3,) [nodes] of a pattern of a seed in the lattice that its kind of patterns shares.
+def draw_origins(seed: int, of: str, epochs: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return the origins (m, 3) [nodes] of patterns of a seed in the lattice that their kind of patterns shares.
 
     Patterns of one lattice are independent of each other, as their origins are: its numbers have no mean.
+
+    Args:
+        seed: Of the random numbers.
+        of: Kind of patterns.
+        epochs: Numbers of m patterns in their layers, of `age_patterns`.
     """
-    return _draw_origin(seed, f"fields.{of}.{age.octave}.{age.layer}.{age.epoch}")
+    return np.array([_draw_origin(seed, of, n, epoch) for n, epoch in enumerate(epochs)])
 
 
 @lru_cache(maxsize=256)
-def _draw_origin(seed: int, name: str) -> NDArray[np.float64]:
-    return stream(seed, name).random(3) * N_LATTICE
+def _draw_origin(seed: int, of: str, n: int, epoch: int) -> list[float]:
+    words = list_stream_words(seed, f"fields.{of}.{n // N_LAYERS}.{n % N_LAYERS}.{epoch}")
+    return (draw_first_uniforms(words, 3) * N_LATTICE).tolist()
 
 
 @lru_cache(maxsize=4)
 def draw_vectors(seed: int) -> NDArray[np.float32]:
     """Return the random vectors of a seed, see `EddyLayers`."""
-    numbers = np.zeros((N_LATTICE, N_LATTICE, N_LATTICE, 4), np.float32)
-    numbers[..., :3] = stream(seed, "fields.eddies").standard_normal(numbers[..., :3].shape, dtype=np.float32)
-    return np.pad(numbers, [(0, 2)] * 3 + [(0, 0)], mode="wrap").reshape(-1)
+    numbers = stream(seed, "fields.eddies").standard_normal((N_LATTICE, N_LATTICE, N_LATTICE, 3), dtype=np.float32)
+    return np.append(np.pad(numbers, [(0, 2)] * 3 + [(0, 0)], mode="wrap"), np.float32(0.0))

@@ -18,9 +18,9 @@ from gslcosim_services.fields.turbulence.eddies import (
     N_EDDY_OCTAVES,
     N_LAYERS,
     EddyScales,
-    draw_origin,
+    age_patterns,
+    draw_origins,
     largest_spacing_m,
-    list_pattern_ages,
     octave_shares,
 )
 from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE
@@ -165,7 +165,7 @@ class InnerFluctuation:
         self._length_m = scales.length_m
         octaves = np.arange(N_EDDY_OCTAVES - 1, N_EDDY_OCTAVES - 1 + N_INNER_OCTAVES)
         self._share = np.repeat(intensity * intensity * octave_shares(N_INNER_OCTAVES), N_LAYERS)
-        self._life_s = (LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)).tolist()
+        self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * elementary.pow_each(2.0, -2.0 * octaves / 3.0)
         self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * np.ldexp(1.0, -octaves), N_LAYERS)
 
     def reset(self, seed: int) -> None:
@@ -187,13 +187,13 @@ class InnerFluctuation:
         return inner_factors(points_m, sigma_m, self._at(time_s), self._length_m, drift_m_s, origin_m, cell_m)
 
     def _at(self, time_s: float) -> InnerLayers:
-        ages = list_pattern_ages(time_s, self._life_s)
+        epochs, drift_s, fade = age_patterns(time_s, self._life_s)
         return InnerLayers(
             draw_numbers(self._seed),
-            np.array([draw_origin(self._seed, "inner", age) for age in ages]),
+            draw_origins(self._seed, "inner", tuple(epochs.tolist())),
             self._spacing_m,
-            np.array([age.drift_s for age in ages]),
-            np.array([age.fade for age in ages]) / math.sqrt(_SPLINE_VARIANCE),
+            drift_s,
+            fade / math.sqrt(_SPLINE_VARIANCE),
             self._share,
         )
 

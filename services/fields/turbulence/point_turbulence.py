@@ -92,7 +92,7 @@ class PointTurbulence:
         """Return the (m,) factors of mean one by which gas at points differs from its filaments, at a time >= 0.
 
         Args:
-            sigma_m: (m,) size of the filaments there, see `mixing_ratio.mean_sigma_m_at_points`.
+            sigma_m: (m,) size of the filaments there, see `mixing_ratio.mixing_ratio_and_size_at`.
         """
         drift_m_s = self._air.nodes_in(self._wind_at(time_s)).drift_m_s
         return self._inner.factors_at(

@@ -74,7 +74,7 @@ def add_pattern_pair(typingctx, lattice, sums, starts, fractions, slopes, weight
     """Add two patterns' random vectors psi and their slopes at a place, by quadratic B-splines, to `sums`.
 
     Args:
-        lattice: (PADDED^3 4,) float32 vectors at nodes, x y z and 0.
+        lattice: (PADDED^3 3 + 1,) float32 vectors at nodes, x y z, and a number after them that is not used.
         sums: (N_SUMS,) float32: the slopes of psi along x, y and z of the world, psi, and psi again; modified.
         starts: Two int64: index in `lattice` of the lowest node that reaches the place, for each pattern.
         fractions: Six float32, x y z of the first, then of the second pattern: place above that node's cell, 0 to 1.
@@ -96,8 +96,8 @@ def add_pattern_pair(typingctx, lattice, sums, starts, fractions, slopes, weight
         for a in range(3):
             rows = []
             for b in range(3):
-                offset = 4 * PADDED * (PADDED * a + b)
-                nodes = [make.both(*(make.load(pointer, offset + 4 * c) for pointer in first)) for c in range(3)]
+                offset = 3 * PADDED * (PADDED * a + b)
+                nodes = [make.both(*(make.load(pointer, offset + 3 * c) for pointer in first)) for c in range(3)]
                 rows.append((make.dot(wz, nodes), make.dot(dz, nodes)))
             values, rises = zip(*rows, strict=True)
             planes.append((make.dot(wy, values), make.dot(dy, values), make.dot(wy, rises)))

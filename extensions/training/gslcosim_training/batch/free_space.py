@@ -16,7 +16,7 @@ from numba.np.arrayobj import make_array, populate_array
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim_services.fields.filament.filament_step import cell_index
-from gslcosim_services.fields.mixing_ratio import WallCells, is_box_of_air
+from gslcosim_services.fields.mixing_ratio import Walls, is_box_of_air
 from gslcosim_services.world.flight_space import (
     CLEARANCE_M,
     NO_AXIS,
@@ -154,10 +154,10 @@ def is_open_ahead(room, radius_m, state, longest_s):
 
 @reference_free_njit()
 def walls_of(room):
-    """Return the `WallCells` of a record of `ROOM`, which hide gas."""
+    """Return the `Walls` of a record of `ROOM`, which hide gas."""
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
     is_opaque = True
-    return WallCells(
+    return Walls(
         is_opaque,
         array_at(room.occupancy, (nx, ny, nz), np.uint8),
         array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),

@@ -9,12 +9,10 @@ from gslcosim.base.errors import ShapeError
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell
 from gslcosim_services.fields.mixing_ratio import (
-    WallCells,
     Walls,
-    build_filament_arrays,
     build_solid_sums,
     is_visible,
-    mean_sigma_m_at_points,
+    mixing_ratio_and_size_at,
     mixing_ratio_ppm_at,
     mixing_ratio_ppm_on_grid,
 )
@@ -40,8 +38,8 @@ def test_beyond_the_cut_off_a_filament_counts_as_zero():
 
 def test_the_size_of_filaments_at_a_point_is_their_mean_by_mixing_ratio():
     """Of 0.1 and 0.2 m at one place, the first has eight times the mixing ratio; far away is neither."""
-    puffs = build_filament_arrays(build_filaments([(0.0, 0.0, 0.0)] * 2, [0.1, 0.2]))
-    found_m = mean_sigma_m_at_points(np.array([[0.0, 0.0, 0.0], [0.8, 0.0, 0.0], [9.0, 0.0, 0.0]]), puffs, 5.0)
+    puffs, points_m = build_filaments([(0.0, 0.0, 0.0)] * 2, [0.1, 0.2]), np.array([[0.0], [0.8], [9.0]]) * (1, 0, 0)
+    _, found_m = mixing_ratio_and_size_at(points_m, puffs, walls=None, cutoff_sigma=5.0)
     assert found_m.tolist() == pytest.approx([(8 * 0.1 + 0.2) / 9, 0.2, 0.0])
 
 
@@ -85,7 +83,7 @@ def test_the_summed_table_changes_no_line_of_sight():
     rng = np.random.default_rng(5)
     cells = (rng.random((11, 7, 5)) < 0.05).astype(np.uint8)
     origin_m, cell_m = (-1.0, 0.5, 2.0), 0.4
-    walls = WallCells(True, cells, build_solid_sums(cells), origin_m, cell_m)
+    walls = Walls(True, cells, build_solid_sums(cells), origin_m, cell_m)
     ends = origin_m + rng.uniform(-0.3, 1.3, (2000, 2, 3)) * np.array(cells.shape) * cell_m
     plain = [is_line_of_sight_free(cells, origin_m, cell_m, *a, *b) for a, b in ends]
     assert [is_visible(walls, *a, *b) for a, b in ends] == plain

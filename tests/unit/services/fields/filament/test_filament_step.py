@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gslcosim_services.fields.filament.filament_step import FACE_MARGIN, OUTLET, SOLID, cell_index, trace_displacement
+from gslcosim_services.fields.filament.filament_step import FACE_MARGIN, OUTLET, SOLID, cell_index, trace_reflections
 
 ORIGIN = (-1.0, 2.0, 0.5)
 CELL = 0.5
@@ -16,7 +16,7 @@ def cells():
 def trace(cells, start, displacement, *, reflects=False):
     p = np.add(ORIGIN, np.multiply(start, CELL))
     d = np.multiply(displacement, CELL)
-    x, y, z, ended = trace_displacement(cells, ORIGIN, CELL, *p.tolist(), *d.tolist(), reflects)
+    x, y, z, ended, *_ = trace_reflections(cells, ORIGIN, CELL, *p.tolist(), *d.tolist(), reflects)
     return np.subtract((x, y, z), ORIGIN) / CELL, ended
 
 

@@ -113,7 +113,7 @@ def test_velocity_is_the_curl_of_splines_over_the_lattice():
     nodes[...] = nodes[12, 10, 8]
     nodes[..., SHEAR_SQUARE] = 0.0
     layers, amplitude = LargeEddies(air.scales, seed=3).at(4.2), float(nodes[0, 0, 0, AMPLITUDE])
-    lattice = layers.lattice.reshape(PADDED, PADDED, PADDED, 4)[:N_LATTICE, :N_LATTICE, :N_LATTICE, :3]
+    lattice = layers.lattice[:-1].reshape(PADDED, PADDED, PADDED, 3)[:N_LATTICE, :N_LATTICE, :N_LATTICE]
     origin_m, basis = np.array(room.grid.origin_m), BSpline.basis_element([-1.0, 0.0, 1.0, 2.0], extrapolate=False)
 
     def potential_at(place_m):
