@@ -69,7 +69,7 @@ def find_expected_error(scenario: Scenario, environments: Sequence[Path]) -> Ite
         about=ABOUT,
         severity="quote",
         text=_describe(kind, known, errors["level"]),
-        remedy="Filaments without eddies (gas.turbulence: {kind: none}), as here, err by more." if is_without_eddies else "",
+        remedy="Filaments without eddies (gas.turbulence.kind: none) err by more." if is_without_eddies else "",
         figures={"kind_of_air": kind, "level": errors["level"], **known, "page": PAGE},
     )
 
