@@ -69,7 +69,7 @@ def find_source_problems(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_di
 
 
 def build_unsolved_environment(scenario: Scenario, *, scenario_dir: Path) -> Environment:
-    """Return the environment of a scenario with its variants, all in the even wind of their inlets.
+    """Return the environment of a scenario with its variants, all in the even wind of their inlets, k and epsilon 1.
 
     Args:
         scenario: Its environment is any but one with a `path`.

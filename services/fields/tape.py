@@ -50,7 +50,6 @@ _SOURCE_FILES = (
     )),
     *(f"gslcosim/{name}" for name in (
         "environment/model.py", "environment/grid_kernels.py", "base/gases.py", "base/rng.py",
-        "base/rng_kernels.py",
     )),
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Errors that a run's air may have, as the package has them: no measured data is needed to quote them.
+"""Expected error of a run's gas for its kind of air, from results that the package stores.
 
 `make reality` writes `expected_errors.json` from the results of all cases; docs/studies/reality.md shows it.
 """

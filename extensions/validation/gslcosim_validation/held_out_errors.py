@@ -1,4 +1,4 @@
-"""Errors of modelled concentrations and intensities that sets nobody has fitted may have, from the sets that there are.
+"""Intervals for the error of modelled gas in a further measured set, and their coverage on sets that are held out.
 
 The error of a release is the geometric mean, over its instruments, of modelled over measured values (MG of Chang and
 Hanna 2004, inverted). Releases of a set share site, instruments and wind, so sets scatter beside the releases within

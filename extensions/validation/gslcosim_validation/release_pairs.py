@@ -1,4 +1,4 @@
-"""Releases at the instruments that saw them: what was modelled beside what was measured, as cases leave it."""
+"""Pairs of modelled and measured values at the instruments of a release, as cases store them."""
 
 from collections.abc import Iterator
 from typing import Literal, NotRequired, TypedDict

@@ -140,7 +140,7 @@ _SCENARIO_CHECKS = (
         name="costly wind",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_costly_wind_problems",
-        is_needed=lambda scenario: scenario.solves_wind,
+        is_needed=lambda scenario: scenario.uses_built_in_solver,
         is_warning=True,
     ),
     Check(

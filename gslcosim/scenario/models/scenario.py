@@ -43,8 +43,8 @@ from gslcosim.scenario.models.participants import (
 from gslcosim.scenario.models.sensors import CameraSensorSpec, Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
 from gslcosim.scenario.models.success import SourceSuccess, Success
+from gslcosim.scenario.models.wind import WITH_K_EPSILON, Wind
 from gslcosim.scenario.models.wind import SolverSpec as SolverSpec
-from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
 from gslcosim.scenario.problems import did_you_mean
 from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
@@ -540,7 +540,7 @@ class Scenario(Spec):
     )
 
     @property
-    def solves_wind(self) -> bool:
+    def uses_built_in_solver(self) -> bool:
         """True if the built-in solver makes the room's wind."""
         is_built_in = self.wind.solver == "built_in" or (
             self.wind.solver == "auto" and self.environment.folder_key is None
@@ -553,16 +553,18 @@ class Scenario(Spec):
         gas, wind = self.gas, self.wind
         if not isinstance(gas, FilamentsSpec):
             return self
-        has_k = self.solves_wind and isinstance(wind, WindSpec) and wind.turbulence in ("k_epsilon", "rng_k_epsilon")
+        has_k = self.uses_built_in_solver and isinstance(wind, WindSpec) and wind.turbulence in WITH_K_EPSILON
         is_uniform = self.environment.path is None and wind.solver == "uniform"
         blows = any(wind.inlet_velocity_m_s)
         gas = gas.with_turbulence("wind" if has_k else "given" if is_uniform and blows else None)
         object.__setattr__(self, "gas", gas)
         kind = "none" if gas.eddies is None else gas.eddies.kind
-        is_solved_otherwise = self.solves_wind or wind.solver in ("uniform", "openfoam")
+        lacks_k = self.environment.path is None and (
+            self.uses_built_in_solver or wind.solver in ("uniform", "openfoam") or wind.file is not None
+        )
         if kind == "wind" and has_k:
             object.__setattr__(self, "wind", wind.model_copy(update={"keep_turbulence": True}))
-        elif kind == "wind" and (is_solved_otherwise or wind.file is not None):
+        elif kind == "wind" and lacks_k:
             raise broken_rule_error(
                 key="gas.turbulence.kind",
                 expected="given or none, as this wind has no k and epsilon",

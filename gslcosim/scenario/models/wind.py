@@ -21,6 +21,8 @@ WIND_ENTRY_POINTS = "gslcosim.wind_solvers"
 Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
 # Solvers that compute a flow; the others take their wind from elsewhere.
 SOLVING = ("auto", "built_in", "openfoam")
+# Turbulence models of the built-in solver with k and epsilon.
+WITH_K_EPSILON = ("k_epsilon", "rng_k_epsilon")
 _OURS = ("auto", "built_in")
 _FRAMES = "frames, which save_every_s keeps"
 _OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
@@ -222,7 +224,7 @@ class WindSpec(SolverSpec):
 
     @model_validator(mode="after")
     def _check_turbulence(self) -> Self:
-        if self.keep_turbulence and self.turbulence not in ("k_epsilon", "rng_k_epsilon"):
+        if self.keep_turbulence and self.turbulence not in WITH_K_EPSILON:
             raise broken_rule_error(
                 key="keep_turbulence",
                 expected="false, unless turbulence is k_epsilon or rng_k_epsilon",

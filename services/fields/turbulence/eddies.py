@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base import elementary
-from gslcosim.base.rng import list_stream_words, stream
-from gslcosim.base.rng_kernels import draw_first_uniforms
+from gslcosim.base.rng import stream
 from gslcosim_services.fields.turbulence.vector_kernels import N_LATTICE, N_SUMS, PADDED, add_pattern_pair
 
 N_LAYERS = 2
@@ -250,8 +249,7 @@ def draw_origins(seed: int, of: str, epochs: tuple[int, ...]) -> NDArray[np.floa
 
 @lru_cache(maxsize=256)
 def _draw_origin(seed: int, of: str, n: int, epoch: int) -> list[float]:
-    words = list_stream_words(seed, f"fields.{of}.{n // N_LAYERS}.{n % N_LAYERS}.{epoch}")
-    return (draw_first_uniforms(words, 3) * N_LATTICE).tolist()
+    return (stream(seed, f"fields.{of}.{n // N_LAYERS}.{n % N_LAYERS}.{epoch}").random(3) * N_LATTICE).tolist()
 
 
 @lru_cache(maxsize=4)

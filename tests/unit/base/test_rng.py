@@ -15,6 +15,12 @@ def test_a_stream_is_repeatable():
     assert np.array_equal(stream(7, "fields.release").random(8), stream(7, "fields.release").random(8))
 
 
+@pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32, 2**40 + 5, 2**70 + 3])
+def test_a_stream_begins_as_numpys_of_seed_and_name(seed):
+    name = "fields.eddies.3.1.44"
+    assert stream(seed, name).random(5).tolist() == np.random.default_rng([seed, *name.encode()]).random(5).tolist()
+
+
 def test_streams_differ_by_seed_and_by_name():
     first_draws = {float(stream(seed, name).random()) for seed in range(50) for name in NAMES}
     assert len(first_draws) == 50 * len(NAMES)

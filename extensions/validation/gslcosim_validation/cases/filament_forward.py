@@ -1,7 +1,7 @@
-"""Known leaks in filaments of a run, the gas that scenarios fly in, beside masts and lasers (METEC, Chilbolton).
+"""Filaments in eddies, as runs have them, compared with masts and lasers near known leaks.
 
 Each release is simulated in pieces of ten minutes, each with some minutes before it, in the wind of each minute, the
-same over the whole field; `gas.turbulence` is as gas.md advises for plumes as measured.
+same over the whole field; eddies have the measured intensity, and half the instruments' height as their length.
 """
 
 from collections.abc import Iterator, Sequence

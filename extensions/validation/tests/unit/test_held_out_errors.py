@@ -1,4 +1,4 @@
-"""Intervals for sets that nobody has fitted: coverage on made-up sets, pooling of kinds, and the stored table."""
+"""Intervals for the error in a further set: coverage on made-up sets, pooling of kinds, and the stored table."""
 
 import json
 import math
