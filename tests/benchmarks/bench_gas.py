@@ -171,9 +171,9 @@ def bench_eddies():
     """Time that a step takes for each filament of the quickstart's plume, with and without eddies, in turns."""
     plumes = {}
     for name, changes in (
-        ("no memory", []),
+        ("no memory", ["gas.turbulence.kind=none"]),
         ("given", ["gas.turbulence.kind=given"]),
-        ("wind", ["gas.turbulence.kind=wind", "wind.keep_turbulence=true"]),
+        ("wind", ["gas.turbulence.kind=wind"]),
     ):
         overrides = ["gas.sources[0].filaments_per_s=60", *changes]
         scenario = load_scenario("warehouse_empty", overrides=overrides).scenario
