@@ -19,9 +19,13 @@ from gslcosim.base.files import ScratchFolder
 from gslcosim.base.processes import build_parent_death_prefix
 from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_path, rerun_program
 
-# Drawing without a graphics card took 6 s on two cores, and more than 90 s beside three other runs.
-SCREENSHOT_TIMEOUT_S = 300.0
-# The viewer has once drawn nothing for minutes, and taken 11 s for the same right afterwards.
+# Drawing without a graphics card took 6 s on two cores.
+SCREENSHOT_TIMEOUT_S = 90.0
+# The viewer gives up on a frame that takes its drawing 10 s, as on a busy machine, and then neither retries nor ends.
+_GIVEN_UP = b"Failed to render"
+# Points of the window, of which each is two pixels: a quarter of them draws four times as fast, with larger letters.
+WINDOW_SCALES = (1.0, 0.5, 0.5)
+# A viewer has once served nothing.
 N_TRIES = 2
 # The viewer listens for more data; only programs of this machine may send some.
 _LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
@@ -71,12 +75,14 @@ def check_screen() -> None:
 def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1000)) -> None:
     """Save a picture of a recording as the viewer first shows it; needs no screen and no graphics card.
 
+    On a machine too busy to draw it within the viewer's limit, letters and lines are twice as large.
+
     Args:
         window_size: Width and height of the picture [pixels].
     """
     _check_file(path)
     png.unlink(missing_ok=True)
-    said = _try_screenshot(path, png.resolve(), f"{window_size[0]}x{window_size[1]}")
+    said = _try_screenshot(path, png.resolve(), window_size)
     if not png.is_file():
         raise RecordingError(f"{_failure_reason(said)}\nFile: {path}")
     _resize(png, window_size)
@@ -91,33 +97,37 @@ def _resize(png: Path, size: tuple[int, int]) -> None:
     picture.save(png)
 
 
-def _try_screenshot(path: Path, png: Path, size: str) -> str:
-    # By standard input, because a file given by name is loaded piece by piece, after the picture.
-    call = [
-        *build_parent_death_prefix(), str(rerun_program()), "-", "--headless", *_LOCAL_OPTIONS,
-        "--screenshot-to", rerun_path(png), "--window-size", size,
-    ]  # fmt: skip
-    for _ in range(N_TRIES):
-        with path.open("rb") as recording, ScratchFolder() as scratch:
-            # Below errors the viewer's notes would be part of the picture. Drivers require a runtime directory.
-            environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                drawn = subprocess.run(
-                    call,
-                    stdin=recording,
-                    capture_output=True,
-                    text=True,
-                    errors="replace",
-                    env=environment,
-                    timeout=SCREENSHOT_TIMEOUT_S,
-                    check=False,
-                )
-                return drawn.stdout + drawn.stderr
+def _try_screenshot(path: Path, png: Path, size: tuple[int, int]) -> str:
+    for scale in WINDOW_SCALES:
+        said = _draw(path, png, [max(1, round(scale * n)) for n in size])
+        if said is not None:
+            return said
     raise RecordingError(
-        f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing in {N_TRIES} tries. "
+        f"viewer: expected a picture, was still drawing in {len(WINDOW_SCALES)} tries. "
         "Ask for a smaller one (--window-size), close what else computes, or look at it with gslcosim view.\n"
         f"File: {path}"
     )
+
+
+# Return the viewer's words at its end, or None if it draws for too long.
+def _draw(path: Path, png: Path, window: list[int]) -> str | None:
+    # By standard input, because a file given by name is loaded piece by piece, after the picture.
+    call = [
+        *build_parent_death_prefix(), str(rerun_program()), "-", "--headless", *_LOCAL_OPTIONS,
+        "--screenshot-to", rerun_path(png), "--window-size", f"{window[0]}x{window[1]}",
+    ]  # fmt: skip
+    with path.open("rb") as recording, ScratchFolder() as scratch, (scratch.path / "said").open("w+b") as said:
+        # Below errors the viewer's notes would be part of the picture. Drivers require a runtime directory.
+        environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
+        with subprocess.Popen(call, stdin=recording, stdout=said, stderr=said, env=environment) as viewer:
+            deadline = time.monotonic() + SCREENSHOT_TIMEOUT_S
+            while viewer.poll() is None:
+                text = Path(said.name).read_bytes()
+                if _GIVEN_UP in text or time.monotonic() > deadline:
+                    viewer.kill()
+                    return None
+                time.sleep(POLL_S)
+        return Path(said.name).read_text("utf-8", "replace")
 
 
 def _failure_reason(said: str) -> str:

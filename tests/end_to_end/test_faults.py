@@ -28,6 +28,7 @@ HOLDING = (*with_agent("holding"), "--set", "referee.stop.time_limit_s=100")
 def long_flight(tmp_path, agent="silent_after_one"):
     flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent(agent), is_recorded=True)
     flight.wait_until_flying()
+    flight.wait_for(lambda: any(path.stat().st_size for path in tmp_path.glob("*/recording.rrd")))
     return flight
 
 
@@ -37,7 +38,6 @@ def long_flight(tmp_path, agent="silent_after_one"):
 def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
     """With exit code 3, and the recording can still be read."""
     flight = long_flight(tmp_path)
-    flight.wait_for(lambda: any(path.stat().st_size for path in tmp_path.glob("*/recording.rrd")))
     os.kill(flight.child(f"gslcosim_services {name}"), signal.SIGKILL)
     ended = flight.end()
     assert ended.exit_code == 3

@@ -64,40 +64,47 @@ def test_without_a_driver_the_package_to_install_is_named(record, tmp_path, monk
     assert not png.exists()
 
 
-def _hanging_viewer(folder, *, n_hangs):
-    """Write a program that hangs the first times it is called and then draws; it counts its calls."""
+def _busy_viewer(folder, *, n_failures, word):
+    """Write a program that does not end the first times it is called and then draws; it notes the sizes asked for."""
     calls, picture = folder / "calls", folder / "drawn.png"
     Image.new("RGB", (3200, 2000), "red").save(picture)
     program = folder / "viewer"
-    # The picture's path is the argument behind --screenshot-to.
+    # The picture's path and the size are arguments behind their options.
     program.write_text(
         f"""#!/bin/sh
-echo call >> '{calls}'
-if [ "$(wc -l < '{calls}')" -le {n_hangs} ]; then exec sleep 60; fi
 while [ "$1" != --screenshot-to ]; do shift; done
+echo "$4" >> '{calls}'
+if [ "$(wc -l < '{calls}')" -le {n_failures} ]; then echo '{word}' >&2; exec sleep 60; fi
 cat '{picture}' > "$2"
 """
     )
     program.chmod(0o755)
-    return program
+    return program, calls
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_hangs", [1, viewer.N_TRIES])
-def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_hangs):
-    path, png, program = record(n_ticks=1), tmp_path / "picture.png", _hanging_viewer(tmp_path, n_hangs=n_hangs)
+@pytest.mark.parametrize("word", ["", "Failed to render screenshot: the requested wait timed out"])
+def test_a_viewer_that_does_not_draw_is_started_again_with_a_smaller_window(record, tmp_path, monkeypatch, word):
+    path, png = record(n_ticks=1), tmp_path / "picture.png"
+    program, calls = _busy_viewer(tmp_path, n_failures=2, word=word)
     monkeypatch.setattr(viewer, "rerun_program", lambda: program)
-    # Whoever draws is a shell, which is there at once on the busiest machine.
-    monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", 5.0 if n_hangs < viewer.N_TRIES else 0.5)
-    if n_hangs < viewer.N_TRIES:
+    # A viewer without a word is known by its time: a shell draws at once on the busiest machine.
+    monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", EVENT_S if word else 5.0)
+    screenshot(path, png)
+    assert calls.read_text().split() == ["1600x1000", "800x500", "800x500"]
+    with Image.open(png) as picture:
+        assert picture.size == (1600, 1000)
+        assert picture.getpixel((800, 500)) == (255, 0, 0)
+
+
+@pytest.mark.slow
+def test_a_viewer_that_never_draws_is_refused_with_a_remedy(record, tmp_path, monkeypatch):
+    path, png = record(n_ticks=1), tmp_path / "picture.png"
+    program, _ = _busy_viewer(tmp_path, n_failures=9, word="Failed to render")
+    monkeypatch.setattr(viewer, "rerun_program", lambda: program)
+    with pytest.raises(RecordingError, match=r"was still drawing in 3 tries.*--window-size"):
         screenshot(path, png)
-        with Image.open(png) as picture:
-            assert picture.size == (1600, 1000)
-            assert picture.getpixel((800, 500)) == (255, 0, 0)
-    else:
-        with pytest.raises(RecordingError, match=r"was still drawing in 2 tries.*--window-size"):
-            screenshot(path, png)
-        assert not png.exists()
+    assert not png.exists()
 
 
 @pytest.mark.slow
