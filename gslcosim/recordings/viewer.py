@@ -22,10 +22,10 @@ from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_path, 
 # Drawing without a graphics card took 6 s on two cores.
 SCREENSHOT_TIMEOUT_S = 90.0
 # The viewer gives up on a frame that takes its drawing 10 s, as on a busy machine, and then neither retries nor ends.
-_GIVEN_UP = b"Failed to render"
+_DRAWING_FAILED = b"Failed to render"
 # Points of the window, of which each is two pixels: a quarter of them draws four times as fast, with larger letters.
-WINDOW_SCALES = (1.0, 0.5, 0.5)
-# A viewer has once served nothing.
+_WINDOW_SCALES = (1.0, 0.5, 0.5)
+# How often a page for a browser is opened: a viewer has once served nothing.
 N_TRIES = 2
 # The viewer listens for more data; only programs of this machine may send some.
 _LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
@@ -98,36 +98,42 @@ def _resize(png: Path, size: tuple[int, int]) -> None:
 
 
 def _try_screenshot(path: Path, png: Path, size: tuple[int, int]) -> str:
-    for scale in WINDOW_SCALES:
+    for scale in _WINDOW_SCALES:
         said = _draw(path, png, [max(1, round(scale * n)) for n in size])
         if said is not None:
             return said
     raise RecordingError(
-        f"viewer: expected a picture, was still drawing in {len(WINDOW_SCALES)} tries. "
+        f"viewer: expected a picture, was still drawing in {len(_WINDOW_SCALES)} tries. "
         "Ask for a smaller one (--window-size), close what else computes, or look at it with gslcosim view.\n"
         f"File: {path}"
     )
 
 
-# Return the viewer's words at its end, or None if it draws for too long.
+# Return what the viewer has printed by its end, or None if it does not finish the picture.
 def _draw(path: Path, png: Path, window: list[int]) -> str | None:
     # By standard input, because a file given by name is loaded piece by piece, after the picture.
     call = [
         *build_parent_death_prefix(), str(rerun_program()), "-", "--headless", *_LOCAL_OPTIONS,
         "--screenshot-to", rerun_path(png), "--window-size", f"{window[0]}x{window[1]}",
     ]  # fmt: skip
-    with path.open("rb") as recording, ScratchFolder() as scratch, (scratch.path / "said").open("w+b") as said:
+    with ScratchFolder() as scratch:
         # Below errors the viewer's notes would be part of the picture. Drivers require a runtime directory.
         environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
-        with subprocess.Popen(call, stdin=recording, stdout=said, stderr=said, env=environment) as viewer:
-            deadline = time.monotonic() + SCREENSHOT_TIMEOUT_S
-            while viewer.poll() is None:
-                text = Path(said.name).read_bytes()
-                if _GIVEN_UP in text or time.monotonic() > deadline:
-                    viewer.kill()
-                    return None
-                time.sleep(POLL_S)
-        return Path(said.name).read_text("utf-8", "replace")
+        printed = scratch.path / "printed.txt"
+        with (
+            path.open("rb") as recording,
+            printed.open("wb") as output,
+            subprocess.Popen(call, stdin=recording, stdout=output, stderr=output, env=environment) as viewer,
+        ):
+            try:
+                deadline = time.monotonic() + SCREENSHOT_TIMEOUT_S
+                while viewer.poll() is None:
+                    if _DRAWING_FAILED in printed.read_bytes() or time.monotonic() > deadline:
+                        return None
+                    time.sleep(POLL_S)
+            finally:
+                viewer.kill()
+        return printed.read_text("utf-8", "replace")
 
 
 def _failure_reason(said: str) -> str:
