@@ -2,7 +2,7 @@
 
 Held by:
     extensions/search/tests/unit/motion/test_declaration.py
-    extensions/search/tests/unit/test_plume_fit.py
+    extensions/search/tests/unit/motion/test_posterior_rule.py
 """
 
 import math
@@ -20,7 +20,8 @@ from gslcosim_search import beliefs, elementary
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.elementary import distance, norm2
 from gslcosim_search.motion.legs import to_millimetre
-from gslcosim_search.plume_fit import PlumeFit
+from gslcosim_search.posterior.open_air import OpenAir
+from gslcosim_search.posterior.source_posterior import SourcePosterior
 from gslcosim_search.senses.hit_detection import GasHits, GasLevel
 from gslcosim_search.senses.instruments import Nose, find_vanes
 
@@ -39,9 +40,10 @@ _PEAK_FACTOR, _STRONG_SHARE, _REACH_M, _NEAR_M = 5.0, 0.1, 4.0, 1.5
 # From how far upwind of the end clean air counts [m], and how many readings of it are enough: three take as long as a
 # PID needs to respond.
 _EDGE_M, _N_CLEAN = 1.0, 3
-# Of the fit of a straight plume: how many readings with gas are enough, which advantage and which share within a metre
-# are enough early [nat], and the time constant of the mean of the wind [s].
-_N_GAS, _LEAST_NATS, _LEAST_SHARE, _SMOOTH_S = 10, 1.0, 0.8, 20.0
+# Of the posterior: how many readings with gas are enough, which advantage and which share within a metre are enough
+# early [nat], the time constant of the mean of the wind [s], and how long before a reading its air was at the nose [s]:
+# as long as a PID takes to respond.
+_N_GAS, _LEAST_NATS, _LEAST_SHARE, _SMOOTH_S, _LAG_S = 10, 1.0, 0.8, 20.0, 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,43 +282,41 @@ def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
     return upwind_rad is None or other_rad is None or elementary.cos(upwind_rad - other_rad) >= 0.5
 
 
-class PlumeFitRule:
-    """Declares the source of a straight plume (`plume_fit.PlumeFit`), where such a plume explains the readings.
+class PosteriorRule:
+    """Declares the most probable place of a source (`SourcePosterior`), where one place explains the readings.
 
-    1. at least 10 readings with gas, one reading a period, and an advantage of the fit above 0
+    1. at least 10 readings with gas, one reading a period, and an advantage of the place above 0
     2. the advantage is at least 1 nat, the share within a metre at least 0.8, and the place has stayed
        within 0.5 m for `wait_s`; or it is later than `latest_s`
 
-    The confidence is share (1 - exp(-advantage)): the probability that the fit gives, times a trust in its plume.
-    The wind of a reading is the running mean over 20 s; while there is none nothing is noted.
+    The confidence is share (1 - exp(-advantage)): the probability of the place, times a trust in what follows from it.
+    The wind is the running mean over 20 s; while there is none nothing is noted. The air of a reading was at the nose
+    some time before, for a sensor takes as long to respond.
 
-    State: the fit, the running mean of the wind, for how long the place has stayed, and `explains`: whether a straight
-    plume explained the readings better than gas that may be met anywhere when the estimate was asked for.
+    State: the posterior, the running mean of the wind, the last places of the nose, for how long the estimate has
+    stayed, and `explains`: whether a place explained the readings better than gas that may be met anywhere when the
+    estimate was asked for.
 
     Source:
-        The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
+        The posterior's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
     """
 
-    def __init__(
-        self,
-        fit: PlumeFit,
-        *,
-        wait_s: float,
-        latest_s: float,
-    ) -> None:
+    def __init__(self, posterior: SourcePosterior, *, wait_s: float, latest_s: float) -> None:
         """Begin without readings.
 
         Args:
-            fit: New, without readings.
+            posterior: New, without readings.
             wait_s: For how long the place must stay [s].
             latest_s: When it is declared even if it has not stayed [s].
         """
-        self._fit, self._latest_s = fit, latest_s
+        self.posterior, self._latest_s = posterior, latest_s
         self._unchanged = UnchangedRule(radius_m=_STILL_M, n_legs=1, for_s=wait_s)
         self.explains = False
         self._wind_m_s = (0.0, 0.0)
         self._last_wind_s: float | None = None
         self._last_s = -math.inf
+        # Time [s] and place [m], the oldest first.
+        self._places: deque[tuple[float, Point]] = deque()
 
     def add(self, time_s: float, position_m: Sequence[float], level: float, wind_m_s: Sequence[float]) -> None:
         """Take note of a reading: its place, its level above clean air, and the wind there, world frame [m/s]."""
@@ -324,31 +324,35 @@ class PlumeFitRule:
         share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / _SMOOTH_S)
         self._wind_m_s = (u + share * (wind_m_s[0] - u), v + share * (wind_m_s[1] - v))
         self._last_wind_s = time_s
+        self._places.append((time_s, tuple(position_m)))
+        while len(self._places) > 1 and self._places[1][0] <= time_s - _LAG_S:
+            self._places.popleft()
         if time_s < self._last_s + _PERIOD_S or not norm2(*self._wind_m_s) > 0.0:
             return
         self._last_s = time_s
-        self._fit.add(position_m, level, elementary.atan2(self._wind_m_s[1], self._wind_m_s[0]))
+        self.posterior.air.note_wind(time_s, self._wind_m_s)
+        self.posterior.add(*self._places[0], level)
 
-    def estimate(self, time_s: float, height_m: float) -> Estimate | None:
-        """Return the estimate of the source at a height, if all conditions hold now."""
-        found = self._fit.best()
+    def estimate(self, time_s: float) -> Estimate | None:
+        """Return the estimate of the source, if all conditions hold now."""
+        found = self.posterior.best()
         self.explains = found is not None and found.n_gas >= _N_GAS and found.advantage_nats > 0.0
         if found is None or not self.explains:
             return None
-        is_still = self._unchanged.add(found.position_m, time_s=time_s)
+        is_still = self._unchanged.add(found.position_m[:2], time_s=time_s)
         is_sure = found.advantage_nats >= _LEAST_NATS and found.share >= _LEAST_SHARE
         if not (is_still and is_sure) and time_s < self._latest_s:
             return None
         confidence = found.share * -elementary.expm1(-found.advantage_nats)
-        return Estimate(position_m=(*map(to_millimetre, found.position_m), height_m), confidence=confidence)
+        return Estimate(position_m=tuple(map(to_millimetre, found.position_m)), confidence=confidence)
 
 
 class MissionDeclarer:
     """Gives the declaration of a method that follows a plume, where the mission asks for one.
 
-    By `PlumeFitRule` where a straight plume explains what was met, else by `PlumeEndRule`. The fit waits for a tenth of
-    the time limit without a change, the plume's end for a third of it; nine tenths of it are late for both. A MOX
-    sensor that recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
+    By `PosteriorRule` where a source at one place explains what was met, else by `PlumeEndRule`. The first waits for a
+    tenth of the time limit without a change, the plume's end for a third of it; nine tenths of it are late for both. A
+    MOX sensor that recovers shows gas of before: its readings are of gas while it has a hit, otherwise of clean air.
 
     State: that of the rules, the cleanest air, and the rule of the hits.
     """
@@ -359,7 +363,7 @@ class MissionDeclarer:
         """Begin without gas; `plume_end` and `plume_fit` say when each rule is applied: `by_mission`, or `never`."""
         self._nose, self._level, self._hits = nose, GasLevel(nose), GasHits(nose)
         self._end: PlumeEndRule | None = None
-        self._fit: PlumeFitRule | None = None
+        self._posterior_rule: PosteriorRule | None = None
         self._vane = next(iter(find_vanes(briefing)), None)
         if briefing.task is None or not briefing.task.asks_for_declaration:
             return
@@ -369,12 +373,17 @@ class MissionDeclarer:
                 threshold=threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s, bounds=briefing.bounds
             )
         if plume_fit == "by_mission" and self._vane is not None:
-            fit = PlumeFit(briefing.bounds, threshold=threshold)
-            self._fit = PlumeFitRule(fit, wait_s=limit_s / 10.0, latest_s=0.9 * limit_s)
+            posterior = SourcePosterior(OpenAir(briefing.bounds), threshold=threshold)
+            self._posterior_rule = PosteriorRule(posterior, wait_s=limit_s / 10.0, latest_s=0.9 * limit_s)
+
+    @property
+    def posterior(self) -> SourcePosterior | None:
+        """The posterior over the places of the source; absent where `PosteriorRule` is not applied."""
+        return None if self._posterior_rule is None else self._posterior_rule.posterior
 
     def add(self, observation: Observation, upwind_rad: float | None = None) -> None:
         """Take note of an observation, from `Agent.observe`; without a wind that is trusted there is no direction."""
-        if (self._end is None and self._fit is None) or not self._nose.is_ready(observation):
+        if (self._end is None and self._posterior_rule is None) or not self._nose.is_ready(observation):
             return
         value = self._nose.value(observation)
         level, is_hit = self._level.of(value), self._hits.add(observation)
@@ -384,17 +393,17 @@ class MissionDeclarer:
         time_s, here_m, level = observation.time_s, observation.position_world_m, level if is_hit else 0.0
         if self._end is not None:
             self._end.add(time_s, here_m, level, upwind_rad)
-        if self._fit is not None and self._vane is not None and self._vane.is_ready(observation):
+        if self._posterior_rule is not None and self._vane is not None and self._vane.is_ready(observation):
             wind_m_s = self._vane.wind_world_m_s(observation)
             if all(map(math.isfinite, (*wind_m_s, level))):
-                self._fit.add(time_s, here_m, level, wind_m_s)
+                self._posterior_rule.add(time_s, here_m, level, wind_m_s)
 
     def estimate(self, observation: Observation) -> Estimate | None:
         """Return the estimate of the source, if it is to be declared now."""
         time_s = observation.time_s
-        if self._fit is not None:
-            found = self._fit.estimate(time_s, observation.position_world_m[2])
-            if found is not None or self._fit.explains:
+        if self._posterior_rule is not None:
+            found = self._posterior_rule.estimate(time_s)
+            if found is not None or self._posterior_rule.explains:
                 return found
         return None if self._end is None else self._end.estimate(time_s)
 

@@ -15,6 +15,7 @@ from gslcosim_search import elementary
 from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
+from gslcosim_search.motion.exploration import most_informative_place_m
 from gslcosim_search.motion.legs import LegPlanner, StuckDetector
 from gslcosim_search.search_agent import SearchAgent, extract_settings
 from gslcosim_search.senses.instruments import find_noses
@@ -210,16 +211,27 @@ class ReactiveAgent(SearchAgent):
         return None
 
     def explore(self, observation: Observation) -> Command:
-        """Return the command for a leg to the nearest place that was not seen; a refused one counts as seen.
+        """Return the command for a leg to where a reading would tell the most of the source, or to what was not seen.
 
-        The leg is at `explore_height_m`, absent: at the search height.
+        The first where the mission asks for a declaration by the posterior and the way is free, else the nearest place
+        that was not seen; a refused one counts as seen. The leg is at `explore_height_m`, absent: at the search height.
         """
         self._n_away = max(0, self._n_away - 1)
-        if self._goal_m is not None and self.pilot.was_refused(observation):
+        was_refused = self._goal_m is not None and self.pilot.was_refused(observation)
+        if self._goal_m is not None and was_refused:
             self.unseen.skip(self._goal_m)
         upwind_rad = None if self._contact is None else self._contact.upwind_rad
         z_m = self.explore_height_m
-        goal_m = self.unseen.next_place_m(observation.position_world_m, upwind_rad)
+        goal_m = None if was_refused else self._informative_place_m(observation)
+        goal_m = goal_m or self.unseen.next_place_m(observation.position_world_m, upwind_rad)
         command = self.cast_to(observation, goal_m if z_m is None else (*goal_m, z_m))
         self._goal_m = goal_m
         return command
+
+    def _informative_place_m(self, observation: Observation) -> tuple[float, float] | None:
+        posterior = self._declarer.posterior
+        if posterior is None:
+            return None
+        here_m = observation.position_world_m
+        place_m = most_informative_place_m(posterior, observation.time_s, here_m, self.pilot.room)
+        return place_m if place_m is not None and self.pilot.is_worth_it(observation, place_m) else None
