@@ -74,7 +74,7 @@ def main() -> None:
             facts: dict[str, tuple[int, int, int]] = {}
             for table, n_streams in tables:
                 by_name.setdefault(table.name, []).extend(race(table, share, n_streams))
-                facts[table.name] = (*table.scores.shape, math.ceil(share * len(table.scores)))
+                facts[table.name] = (*table.scores.shape, math.floor(share * len(table.scores)))
             for name, races in by_name.items():
                 write(format_races(name, facts[name], share, np.array(races)))
         write("")
@@ -93,7 +93,7 @@ def race(table: Table, share: float, n_streams: int) -> Iterator[tuple[float, ..
         first, last = ranks[entry]
         for stream in range(n_streams):
             told = replay_race(
-                table.scores, entry, table.cases, seed=[stream, entry], budget=math.ceil(share * len(table.scores))
+                table.scores, entry, table.cases, seed=[stream, entry], budget=math.floor(share * len(table.scores))
             )
             end = told[-1]
             yield (

@@ -77,7 +77,7 @@ class StopRule:
 
     Attributes:
         places: Ends when so many places or fewer are possible.
-        budget: Most flights; absent: 15 % of those of the suite, rounded up.
+        budget: Most flights; absent: 15 % of those of the suite, rounded down.
         is_over: Whether time is over; asked before each batch.
     """
 
@@ -172,7 +172,7 @@ def fly_placement(
         KeyboardInterrupt: it was interrupted; what was flown is kept.
     """
     entry, n = flights[0].entry, len(flights)
-    budget = min(n, stop.budget or math.ceil(BUDGET_FRAC * n))
+    budget = min(n, stop.budget or max(1, math.floor(BUDGET_FRAC * n)))
     race = PlaceRace(
         opponents.scores,
         np.array([trial.case for trial in flights]),
