@@ -30,7 +30,7 @@ BUDGET_FRAC = 0.15
 _EQUAL = 1e-9
 # Share of draws that go by the weight of a case alone. It bounds how much one result can count, and with it the width
 # of the interval: with less, errors of the score are no smaller and intervals are wider.
-_EVEN_FRAC = 0.85
+_EVEN_FRAC = 0.7
 # Weight of entries that are told apart already, when it is asked where entries disagree.
 _FAR_WEIGHT = 0.1
 # Variances of the prediction before any result: of the new entry's level, of how much it follows the other entries'

@@ -139,9 +139,15 @@ def find_opponents(plan: Plan, flights: Sequence[Trial], results: Results) -> Op
             f"{results.folder}: expected an entry beside {entry} with rows of all {len(wanted)} flights with gas, the "
             f"one with most was {was}. Fly the rest: gslcosim bench run."
         )
+    scores = np.array([[by_entry[name][flight] for name in complete] for flight in wanted])
+    if not np.all((scores >= 0.0) & (scores <= 1.0)):
+        odd = next(score for score in scores.ravel().tolist() if not 0.0 <= score <= 1.0)
+        raise UsageError(
+            f"{results.folder}: expected scores from 0 to 1, was {odd}. Take the folder from a copy, or fly it again."
+        )
     return Opponents(
         names=tuple(complete),
-        scores=np.array([[by_entry[name][flight] for name in complete] for flight in wanted]),
+        scores=scores,
         left_out={name: len(scores) for name, scores in by_entry.items() if name not in complete},
         is_other_software=results.manifest.get("software_hash") != plan.software_hash,
     )

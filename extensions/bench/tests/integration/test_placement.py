@@ -2,11 +2,14 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from page_commands import type_block
 
+from gslcosim.base.checksums import write_checksums
 from gslcosim.cli.main import main
 from gslcosim_bench import Results, run
 
@@ -74,6 +77,11 @@ def test_what_cannot_be_raced_is_refused(walked: tuple[Path, list[str]], tmp_pat
     mine, smoke = str(folder / "my_entry.yaml"), str(folder / "results" / "smoke")
     other = tmp_path / "other"
     run("smoke", other, jobs=1, only=["entry=oracle", "control=yes"])
+    odd = shutil.copytree(smoke, tmp_path / "odd")
+    table = pq.read_table(odd / "trials.parquet")
+    i = table.schema.get_field_index("score")
+    pq.write_table(table.set_column(i, table.schema.field(i), [[2.0] * len(table)]), odd / "trials.parquet")
+    write_checksums(odd, "trials.parquet")
     for words, text in (
         (
             [mine, "--entry", "mina", "--against", smoke],
@@ -82,6 +90,7 @@ def test_what_cannot_be_raced_is_refused(walked: tuple[Path, list[str]], tmp_pat
         (["open_2026_quick", "--entry", "sweep", "--against", smoke], "expected results of the cases of"),
         ([mine, "--entry", "mine", "--against", str(other)], "with rows of all 2 flights with gas"),
         ([mine, "--entry", "mine", "--against", str(tmp_path / "none")], "expected a folder of results"),
+        ([mine, "--entry", "mine", "--against", str(odd)], "expected scores from 0 to 1, was 2.0"),
         ([mine, "--entry", "mine", "--against", smoke, "--minutes", "0"], "minutes above 0"),
     ):
         assert main(["bench", "place", *words]) == 2

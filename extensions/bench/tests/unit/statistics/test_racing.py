@@ -85,8 +85,8 @@ def test_draws_prefer_flights_in_which_entries_disagree():
     others = np.tile([0.0, 1.0, 0.0, 1.0], (len(CASES), 1))
     half = len(CASES) // 2
     others[:half] = np.repeat(rng.random((half, 1)) < 0.5, 4, axis=1)
-    n_first = sum(i < half for seed in range(200) for i in first_draws(others, seed))
-    assert n_first < stats.binom.ppf(0.01, 800, 0.5)
+    n_first = sum(i < half for seed in range(400) for i in first_draws(others, seed))
+    assert n_first < stats.binom.ppf(0.01, 1600, 0.5)
 
 
 def first_draws(others, seed):
