@@ -16,7 +16,7 @@ PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check check-types check-style bench bench-agents bench-gas bench-wind bench-edits bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table bench-nightly crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check one-digest capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
+.PHONY: run test test-all check check-types check-style bench bench-agents bench-gas bench-wind bench-edits bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table bench-nightly crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check one-digest capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries raced-entries
 
 run: .venv/ready .venv/compiled   # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -78,6 +78,9 @@ bench-suite: .venv/ready-test-all  # what a flight of a suite costs and its part
 
 simulated-entries: .venv/ready-dev  # how often ranks and intervals of simulated suites err, beside binomial bands
 	$(BIN)/python tests/benchmarks/simulated_entries.py
+
+raced-entries: .venv/ready-dev  # places of left-out entries from 15 % of their runs, recorded and simulated
+	$(BIN)/python tests/benchmarks/raced_entries.py
 
 bench-training: .venv/ready-test-all  # agent steps per second in batches, beside single environments, in turns; how far batched rotorcraft are from full flights
 	$(BIN)/python tests/benchmarks/bench_training.py

@@ -4,11 +4,70 @@ Rows are drawn without replacement, so the number of false ones among those draw
 exact: whole numbers are compared, nothing is rounded.
 """
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from math import comb
 
 from gslcosim.base.errors import ShapeError
+from gslcosim_archive.signing.submission_log import LogLine, list_own, list_submissions
+from gslcosim_bench.execution.verification import draw_trials
 from gslcosim_bench.statistics.estimates import LEVEL
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuditDraw:
+    """The draw of an audit, and what of the log it follows from.
+
+    Attributes:
+        of_suite: All lines of the log for the suite's cases; the first one decides, with the beacon, what is drawn.
+        own: Those of the author: of the same key, or with the same name beside another.
+        n_lines: Lines whose limits hold together.
+        level: Of each of these limits.
+        places: Drawn places, in the order of the draw.
+    """
+
+    of_suite: Sequence[LogLine]
+    own: Sequence[LogLine]
+    n_lines: int
+    level: float
+    places: Sequence[str]
+
+
+def draw_audit(
+    lines: Sequence[LogLine],
+    submission: LogLine,
+    places: Collection[str],
+    beacon: str,
+    *,
+    n_places: int | None = None,
+    max_false_share: float = 0.05,
+    counts_all_keys: bool = False,
+) -> AuditDraw:
+    """Return which places of a submission an audit repeats.
+
+    seed = hash of the suite's first line in the log, by whatever key / beacon
+
+    Nothing of it is the author's to choose: the beacon is unknown when that line is written, places have neither
+    programs nor entries in them, and another line or key changes nothing. What many lines do give is many tries at
+    which rows are false. So the draw is as large as makes its limit hold for all lines of an author together.
+
+    Args:
+        places: Of the submission, as `RepeatableResults.list_places` has them.
+        beacon: A public value from after the submission.
+        n_places: How many are drawn; absent: as many as rule out that more than `max_false_share` of them are false.
+        counts_all_keys: Whether all keys for the suite count as one author's.
+
+    Held by:
+        extensions/archive/tests/unit/test_audit_draws.py (misses among 100 lines, several keys, and other orders)
+    """
+    of_suite, own = list_submissions(lines, submission), list_own(lines, submission)
+    n_lines = len(of_suite if counts_all_keys else own)
+    level = level_of_lines(n_lines)
+    n = n_places or required_draw(len(places), max_false_share, level)
+    drawn = draw_trials(places, n, seed=f"{of_suite[0].hash}\n{beacon}")
+    return AuditDraw(of_suite=of_suite, own=own, n_lines=n_lines, level=level, places=drawn)
 
 
 def detection_probability(n_rows: int, n_false: int, n_drawn: int) -> float:
@@ -53,6 +112,35 @@ def max_false_rows(n_rows: int, n_drawn: int, n_found: int, level: float = LEVEL
     return low
 
 
+def max_false_rows_in_places(
+    n_rows: Sequence[int], n_drawn: int, n_found: int, n_false: int, level: float = LEVEL
+) -> int:
+    """Return the largest number of false rows that a draw of whole places leaves possible at a level.
+
+    A place with a false row is a false place. The limit is of these: what was drawn has the false rows that were found,
+    and the others could have nothing but false rows, the fullest first.
+
+    Args:
+        n_rows: Rows of each place that was not drawn.
+        n_drawn: Places that were drawn, all of their rows with them.
+        n_found: Those among them with a false row.
+        n_false: False rows that were found.
+    """
+    n_left = max_false_rows(len(n_rows) + n_drawn, n_drawn, n_found, level) - n_found
+    return n_false + sum(sorted(n_rows, reverse=True)[:n_left])
+
+
+def level_of_lines(n_lines: int, level: float = LEVEL) -> float:
+    """Return the level of each audit with which the limits of so many submissions hold together (Bonferroni).
+
+    Who hands in many variants, each false elsewhere, would otherwise find one among them that a draw misses.
+    """
+    if n_lines < 1:
+        raise ShapeError(f"level_of_lines: expected at least one line, was {n_lines}.")
+    return 1.0 - (1.0 - level) / n_lines
+
+
+@cache
 def required_draw(n_rows: int, max_false_share: float, level: float = LEVEL) -> int:
     """Return how many rows to draw so that, if none of them is false, at most a share of all can be.
 

@@ -1,5 +1,8 @@
 """Output of the commands that sign, check and rank results."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.terminal import table
@@ -13,21 +16,58 @@ if TYPE_CHECKING:
 _KEY_WIDTH = len("SHA256:") + 12
 
 
-def verification_to_json(verification: "Verification") -> dict[str, Any]:
-    """Return the result of a verification as JSON has it."""
-    from gslcosim_archive.audits import max_false_rows
+@dataclass(frozen=True, kw_only=True)
+class AuditedPlaces:
+    """Places from which an audit drew: the place of each row with a result, those drawn, and the level of limits."""
 
+    by_trial: Mapping[str, str]
+    drawn: Sequence[str]
+    level: float
+
+    def max_false(self, verification: "Verification") -> int:
+        """Return the largest number of false rows that the audit leaves possible."""
+        from gslcosim_archive.audits import max_false_rows_in_places
+
+        drawn = set(self.drawn)
+        found = {self.by_trial[each.trial] for each in verification.differences}
+        undrawn = Counter(place for place in self.by_trial.values() if place not in drawn)
+        return max_false_rows_in_places(
+            list(undrawn.values()), len(drawn), len(found), len(verification.differences), self.level
+        )
+
+
+# The rows that limits are of, how many of them can be false, and how many of each entry.
+def _find_limits(
+    verification: "Verification", audited: AuditedPlaces | None
+) -> tuple[int, int, dict[str, tuple[int, int, int, int]]]:
+    from gslcosim_archive.audits import max_false_rows
+    from gslcosim_bench.statistics.estimates import LEVEL
+
+    level = LEVEL if audited is None else audited.level
+    by_entry = {
+        entry: (n, drawn, wrong, max_false_rows(n, drawn, wrong, level))
+        for entry, (n, drawn, wrong) in verification.by_entry.items()
+        if audited is None or drawn
+    }
+    if audited is not None:
+        return len(audited.by_trial), audited.max_false(verification), by_entry
+    n, wrong = verification.n_rows, len(verification.differences)
+    return n, max_false_rows(n, verification.n_sampled, wrong), by_entry
+
+
+def verification_to_json(verification: "Verification", audited: AuditedPlaces | None = None) -> dict[str, Any]:
+    """Return the result of a verification as JSON has it.
+
+    Args:
+        audited: Places of an audit; absent: single rows were drawn.
+    """
+    n_rows, max_false, by_entry = _find_limits(verification, audited)
     return {
-        "rows": verification.n_rows,
-        "max_false": max_false_rows(verification.n_rows, verification.n_sampled, len(verification.differences)),
+        "rows": n_rows,
+        "max_false": max_false,
         "entries": {
-            entry: {
-                "rows": n,
-                "sample": n_drawn,
-                "different": n_wrong,
-                "max_false": max_false_rows(n, n_drawn, n_wrong),
-            }
-            for entry, (n, n_drawn, n_wrong) in verification.by_entry.items()
+            entry: {"rows": n, "sample": n_drawn, "different": n_wrong, "max_false": most}
+            for entry, (n, n_drawn, n_wrong, most) in by_entry.items()
         },
         "sample": verification.n_sampled,
         "same": verification.n_sampled - len(verification.differences),
@@ -39,8 +79,8 @@ def verification_to_json(verification: "Verification") -> dict[str, Any]:
     }
 
 
-def format_verification(verification: "Verification") -> str:
-    """Return the result of a verification as text."""
+def format_verification(verification: "Verification", audited: AuditedPlaces | None = None) -> str:
+    """Return the result of a verification as text; `audited` as for `verification_to_json`."""
     from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
 
     n, different = verification.n_sampled, verification.differences
@@ -53,7 +93,7 @@ def format_verification(verification: "Verification") -> str:
             f"\n{verification.n_missing} trials of the suite have no row, so that nobody can tell what came of them: "
             "bench rank does not take these results for verified."
         )
-    note = f"{format_false_rows(verification)}\n{note}"
+    note = f"{format_false_rows(verification, audited)}\n{note}"
     if not different:
         return f"{n} of {n} flights came out the same: digests and all figures.\n{note}"
     lines = [f"{len(different)} of {n} flights came out differently:"]
@@ -64,17 +104,14 @@ def format_verification(verification: "Verification") -> str:
     return "\n".join([*lines, note])
 
 
-def format_false_rows(verification: "Verification") -> str:
+def format_false_rows(verification: "Verification", audited: AuditedPlaces | None = None) -> str:
     """Return how many rows can still be false, in a sentence and for each entry."""
-    from gslcosim_archive.audits import max_false_rows
-
-    n, n_drawn, n_wrong = verification.n_rows, verification.n_sampled, len(verification.differences)
-    most = max_false_rows(n, n_drawn, n_wrong)
+    n, most, by_entry = _find_limits(verification, audited)
+    n_wrong = len(verification.differences)
     least = f"at least {n_wrong} and, " if n_wrong else ""
     text = f"Of {n} rows with a flight {least}at 95 % confidence, at most {most} are false: {100 * most / n:.1f} %."
     entries = ", ".join(
-        f"{entry} {max_false_rows(n_of, drawn, wrong)} of {n_of} ({drawn} drawn)"
-        for entry, (n_of, drawn, wrong) in verification.by_entry.items()
+        f"{entry} {limit} of {n_of} ({drawn} drawn)" for entry, (n_of, drawn, _, limit) in by_entry.items()
     )
     return f"{text}\nOf one entry at most: {entries}."
 

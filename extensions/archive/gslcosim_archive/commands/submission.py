@@ -2,11 +2,15 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 from gslcosim_bench.commands.workers import add_trusted, add_worker_arguments, choose_loader, verify_here
+
+if TYPE_CHECKING:
+    from gslcosim_bench.execution.verification import RepeatableResults
 
 
 def _add_keygen_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,13 +127,29 @@ def _add_audit_arguments(parser: argparse.ArgumentParser) -> None:
         help="a public value from after the line in the log, such as the numbers of an announced lottery draw",
     )
     size = parser.add_mutually_exclusive_group()
-    size.add_argument("--sample", type=parse_positive_number, metavar="N", help="number of trials")
+    size.add_argument(
+        "--sample",
+        type=parse_positive_number,
+        metavar="N",
+        help="number of drawn places (a case and repetition); the rows of all entries there are repeated",
+    )
     size.add_argument(
         "--at-most-false",
         type=_parse_share,
         default=0.05,
         metavar="SHARE",
-        help="as many trials as it takes to rule out a larger share of false rows at 95 %% (default: 0.05)",
+        help="as many places as it takes to rule out a larger share of false ones at 95 %% (default: 0.05)",
+    )
+    parser.add_argument(
+        "--entry", action="append", default=[], metavar="NAME", help="repeat the rows of this entry alone; repeatable"
+    )
+    parser.add_argument(
+        "--all-keys",
+        action="store_true",
+        help="take the lines of all keys for those of one author, when keys are not known to be of different people",
+    )
+    parser.add_argument(
+        "--suite", metavar="SUITE", help="expect the cases of this suite: a file, or the name of a bundled suite"
     )
     parser.add_argument("--draw-only", action="store_true", help="print the drawn trials and run nothing")
     add_author(parser)
@@ -148,8 +168,9 @@ def _parse_share(text: str) -> float:
 
 
 def _audit(arguments: argparse.Namespace) -> int:
-    from gslcosim_archive.audits import required_draw
+    from gslcosim_archive.audits import draw_audit
     from gslcosim_archive.commands.output import (
+        AuditedPlaces,
         format_signature,
         format_verification,
         signature_to_json,
@@ -157,7 +178,11 @@ def _audit(arguments: argparse.Namespace) -> int:
     )
     from gslcosim_archive.signing.keys import check_text, parse_author
     from gslcosim_archive.signing.signed_results import check_signature
-    from gslcosim_archive.signing.submission_log import find_beacon_note, find_submission, list_submissions, read_log
+    from gslcosim_archive.signing.submission_log import (
+        find_beacon_note,
+        find_submission,
+        read_log,
+    )
     from gslcosim_bench.execution.verification import RepeatableResults
     from gslcosim_bench.store import ResultsFolder
     from gslcosim_bench.verification_marks import results_hash
@@ -175,57 +200,88 @@ def _audit(arguments: argparse.Namespace) -> int:
     lines = read_log(arguments.log, head=arguments.head)
     line = find_submission(lines, signed, path=arguments.log)
     note = find_beacon_note(lines, line, arguments.beacon, path=arguments.log)
-    own = list_submissions(lines, line)
-    keys = {each.key: each for each in lines if (each.kind, each.suite_hash) == (line.kind, line.suite_hash)}
-    namesakes = [each for key, each in keys.items() if key != line.key and each.author == line.author]
     again = RepeatableResults(folder, choose_loader(arguments))
-    n_flown = len(again.list_flown())
-    if not n_flown:
-        raise UsageError(f"{folder.path}: expected flights with a result, found none.")
-    trials = again.draw(
-        arguments.sample or required_draw(n_flown, arguments.at_most_false),
-        # The beacon is unknown when the first line is written, and another line of the key changes nothing.
-        seed=f"{own[0].hash}\n{arguments.beacon}",
+    if arguments.suite is not None:
+        _check_suite(arguments, again)
+    places = again.list_places(arguments.entry)
+    if not places:
+        of_whom = f" of {', '.join(arguments.entry)}" if arguments.entry else ""
+        raise UsageError(f"{folder.path}: expected flights{of_whom} with a result, found none.")
+    draw = draw_audit(
+        lines, line, places, arguments.beacon, n_places=arguments.sample, max_false_share=arguments.at_most_false,
+        counts_all_keys=arguments.all_keys,
+    )  # fmt: skip
+    of_suite, own, drawn = draw.of_suite, draw.own, draw.places
+    keys, own_keys = ({each.key for each in some} for some in (of_suite, own))
+    elsewhere = [each for each in lines if each.kind == line.kind and each.key in own_keys and each not in own]
+    chosen = {trial.id for place in drawn for trial in places[place]}
+    trials = [trial for trial in again.trials.values() if trial.id in chosen]
+    audited = AuditedPlaces(
+        by_trial={trial.id: place for place, some in places.items() for trial in some}, drawn=drawn, level=draw.level
     )
     facts = {
         "signature": signature_to_json(signed),
         "line": line.number,
         "head": line.hash,
-        "draw_line": own[0].number,
-        "draw_head": own[0].hash,
-        "lines_of_key": [each.number for each in own],
+        "draw_line": of_suite[0].number,
+        "draw_head": of_suite[0].hash,
+        "lines_of_key": [each.number for each in own if each.key == line.key],
+        "lines_of_author": [each.number for each in own],
+        "lines_elsewhere": [each.number for each in elsewhere],
+        "lines_counted": draw.n_lines,
+        "level": draw.level,
         "keys_of_suite": len(keys),
-        "keys_of_same_name": [each.key for each in namesakes],
+        "keys_of_same_name": sorted(own_keys - {line.key}),
         "beacon": arguments.beacon,
         "beacon_line": None if note is None else note.number,
+        "places": len(places),
+        "drawn_places": len(drawn),
         "drawn": [trial.id for trial in trials],
     }
-    draw = (
-        f"Drawn: {len(trials)} of {n_flown} rows, by line {own[0].number} of the log ({own[0].hash}), the first of "
-        f"this key for this suite, and the beacon '{arguments.beacon}'.\n"
-        f"Log: the results are line {line.number}; this key has {len(own)} for this suite "
-        f"({', '.join(str(each.number) for each in own)}), and {len(keys) - 1} other keys have some.\n"
+    listed = ", ".join(str(number) for number in facts["lines_of_key"])
+    told = (
+        f"Drawn: {len(drawn)} of {len(places)} places with {len(trials)} rows, by line {of_suite[0].number} of the log "
+        f"({of_suite[0].hash}), the first for this suite, and the beacon '{arguments.beacon}'.\n"
+        f"Log: the results are line {line.number}; this key has {len(facts['lines_of_key'])} for this suite "
+        f"({listed}), and {len(keys) - 1} other keys have some. Limits hold for {draw.n_lines} of these together.\n"
     )
-    if namesakes:
-        draw += (
-            f"Keys: '{line.author}' is the name beside {len(namesakes) + 1} keys for this suite; the log does not show "
+    if len(own_keys) > 1:
+        told += (
+            f"Keys: '{line.author}' is the name beside {len(own_keys)} keys for this suite; the log does not show "
             "whether they are of one author.\n"
         )
-    draw += (
+    if elsewhere:
+        told += (
+            f"Other cases: {len(elsewhere)} more lines of this author are for other cases, "
+            f"{sum(each.suite == line.suite for each in elsewhere)} of them under the name {line.suite}.\n"
+        )
+    told += (
         "Beacon: no note of the log has it, so the log does not show that it is from after the results."
         if note is None
         else f"Beacon: line {note.number} of the log has it, after the results."
     )
     if arguments.draw_only:
-        listed = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)
-        write_json(facts) if arguments.json else write(f"{draw}{listed}")
+        rows = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)
+        write_json(facts) if arguments.json else write(f"{told}{rows}")
         return 0
     verification = verify_here(arguments, again, trials, contents)
     if arguments.json:
-        write_json(verification_to_json(verification) | facts)
+        write_json(verification_to_json(verification, audited) | facts)
     else:
-        write(f"{format_signature(signed)}\n{draw}\n{format_verification(verification)}")
+        write(f"{format_signature(signed)}\n{told}\n{format_verification(verification, audited)}")
     return ExitCode.DIVERGENCE if verification.differences else 0
+
+
+# A suite of the same name with one case more has another hash, and so another first line.
+def _check_suite(arguments: argparse.Namespace, again: "RepeatableResults") -> None:
+    from gslcosim_bench.cases import build_plan
+
+    plan = build_plan(choose_loader(arguments)(arguments.suite), wants=lambda _: False)
+    if plan.suite_hash != again.plan.suite_hash:
+        raise UsageError(
+            f"{again.folder.path}: expected the cases of {arguments.suite}, with the hash {plan.suite_hash}, was suite "
+            f"{again.plan.loaded.suite.name} with the hash {again.plan.suite_hash}. Its author has flown other cases."
+        )
 
 
 def _add_pack_arguments(parser: argparse.ArgumentParser) -> None:
@@ -283,7 +339,8 @@ COMMANDS = (
         name="audit",
         summary="repeat trials that a public draw chooses; bound the false rows",
         examples="  gslcosim bench audit submissions/delft --log submissions.jsonl --beacon '6 49 3 17 22 8'\n"
-        "  gslcosim bench audit submissions/delft --log submissions.jsonl --beacon '6 49 3' --at-most-false 0.02",
+        "  gslcosim bench audit submissions/delft --log submissions.jsonl --beacon '6 49 3' --at-most-false 0.02\n"
+        "  gslcosim bench audit submissions/delft --log log.jsonl --beacon '6 49 3' --suite open_2026 --entry mine",
         add_arguments=_add_audit_arguments,
         run=_audit,
     ),

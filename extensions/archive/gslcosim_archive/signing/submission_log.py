@@ -146,11 +146,19 @@ def find_beacon_note(lines: Sequence[LogLine], submission: LogLine, beacon: str,
 
 
 def list_submissions(lines: Sequence[LogLine], submission: LogLine) -> list[LogLine]:
-    """Return all submissions of a line's key for its suite, that is for the same cases, under whatever name."""
+    """Return all submissions of a line's suite, that is for the same cases, under whatever name and by whatever key."""
+    return [line for line in lines if (line.kind, line.suite_hash) == (submission.kind, submission.suite_hash)]
+
+
+def list_own(lines: Sequence[LogLine], submission: LogLine) -> list[LogLine]:
+    """Return the submissions of a line's suite by its key, and by keys with the same name beside them.
+
+    The log cannot tell whether these are of one author, so they count as lines of one.
+    """
     return [
         line
-        for line in lines
-        if (line.kind, line.key, line.suite_hash) == (submission.kind, submission.key, submission.suite_hash)
+        for line in list_submissions(lines, submission)
+        if line.key == submission.key or (line.author == submission.author and line.author)
     ]
 
 

@@ -127,6 +127,7 @@ OTHERS = {
     "validate": "the same",
     "environment generate": "the same",
     "bench dataset": "reads rows as bench report does, of finished results: extensions/archive/tests/unit/dataset",
+    "bench place": "reads rows as bench report does, and flies for each damage",
     "bench failures": "reads rows as bench run and tune do, and flies too much for each damage",
     "list": "reads what is installed",
     "schema": "writes files of the contract",

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -253,34 +253,40 @@ class RepeatableResults:
         return found[0]
 
     def draw(self, n: int, *, seed: str) -> list[Trial]:
-        """Return n of the runs with a result, drawn at random by `draw_trials`, in the order of the suite.
-
-        A run's place is the hash of its case, its repetition, 1 for a control run, and its entry's position among the
-        entries. Ids would not do: a comment in a program changes them, and so its author could choose the draw.
-        """
-        positions = {entry.spec.name: i for i, entry in enumerate(self.plan.entries)}
-        places = {
-            key: f"{trial.case_hash} {trial.repetition} {trial.is_control:d} {positions[trial.entry]}"
-            for key, trial in self.trials.items()
-        }
-        chosen = set(draw_trials(self.list_flown(), n, seed=seed, places=places))
+        """Return n of the runs with a result, drawn at random by `draw_trials`, in the order of the suite."""
+        chosen = set(draw_trials(self.list_flown(), n, seed=seed))
         return [trial for key, trial in self.trials.items() if key in chosen]
+
+    def list_places(self, entries: Collection[str] = ()) -> dict[str, list[Trial]]:
+        """Return the runs with a result by place, that is by what all entries meet alike.
+
+        A place is the hash of the case, the repetition, and 1 for a control run or 0. It has nothing in it that an
+        author may choose: a comment in a program changes ids of runs, and another order or number of entries changes
+        where an entry stands.
+
+        Args:
+            entries: Whose runs; absent: those of all.
+        """
+        places: dict[str, list[Trial]] = {}
+        for trial in map(self.trials.__getitem__, self.list_flown()):
+            if not entries or trial.entry in entries:
+                place = f"{trial.case_hash} {trial.repetition} {trial.is_control:d}"
+                places.setdefault(place, []).append(trial)
+        return places
 
     def list_flown(self) -> list[str]:
         """Return the trials with a result; what ended a run without one may have been the machine."""
         return [key for key in self.trials if self.rows[key]["status"] == COMPLETED]
 
 
-def draw_trials(trials: Iterable[str], n: int, *, seed: str, places: Mapping[str, str] | None = None) -> list[str]:
-    """Return n trials, those whose places have the smallest SHA-256 behind a seed: a draw that any program can repeat.
+def draw_trials(trials: Iterable[str], n: int, *, seed: str) -> list[str]:
+    """Return n trials or places, those with the smallest SHA-256 behind a seed: a draw that any program can repeat.
 
     Args:
         n: How many; all where there are fewer.
-        seed: Any text. The hash is of the seed, a line feed and the place.
-        places: Place of each trial in its suite; absent: its id.
+        seed: Any text. The hash is of the seed, a line feed and the trial or place.
     """
-    places = places or {}
-    return sorted(trials, key=lambda each: hashlib.sha256(f"{seed}\n{places.get(each, each)}".encode()).digest())[:n]
+    return sorted(trials, key=lambda each: hashlib.sha256(f"{seed}\n{each}".encode()).digest())[:n]
 
 
 def verify_trials(

@@ -114,9 +114,14 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     audit = ["bench", "audit", str(signed[1]), "--log", log, "--beacon", "6 49 3", "--jobs", "1", "--trusted", "--json"]
     assert main([*audit, "--sample", "2", "--draw-only"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (len(told["drawn"]), told["line"], told["signature"]["author"]) == (2, 2, "bob")
-    assert (told["draw_line"], told["lines_of_key"], told["keys_of_suite"], told["beacon_line"]) == (2, [2], 2, None)
+    assert (told["drawn_places"], told["places"], len(told["drawn"])) == (2, 4, 8)
+    assert (told["line"], told["signature"]["author"]) == (2, "bob")
+    assert (told["draw_line"], told["lines_of_key"], told["keys_of_suite"], told["beacon_line"]) == (1, [2], 2, None)
     first = told["drawn"]
+    assert main([*audit, "--sample", "2", "--draw-only", "--entry", "mine", "--suite", "smoke"]) == 0
+    assert set(json.loads(capsys.readouterr().out)["drawn"]) < set(first)
+    assert main([*audit, "--sample", "2", "--draw-only", "--suite", "open_2026_quick"]) == 2
+    assert "Its author has flown other cases" in capsys.readouterr().err
     # Bob makes his method better than it is, and signs that; an audit of all rows finds each of them.
     table = pq.read_table(signed[1] / "trials.parquet")
     scores = [1.0 if row["entry"] == "mine" else row["score"] for row in table.to_pylist()]
@@ -132,21 +137,22 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     capsys.readouterr()
     assert main([*audit, "--sample", "1000"]) == 5
     told = json.loads(capsys.readouterr().out)
-    assert (told["line"], told["draw_line"], told["lines_of_key"]) == (3, 2, [2, 3])
+    assert (told["line"], told["draw_line"], told["lines_of_key"]) == (3, 1, [2, 3])
+    assert (told["lines_counted"], told["level"]) == (2, pytest.approx(0.975))
     assert set(first) <= set(told["drawn"])
     assert told["sample"] == told["rows"]
     assert told["max_false"] == told["entries"]["mine"]["different"] > 0
     assert told["entries"]["oracle"]["different"] == 0
     assert {each["entry"] for each in told["differences"]} == {"mine"}
     assert all(list(each["columns"]) == ["score"] for each in told["differences"])
-    # Bob signs again until a draw misses what is false: every copy has the draw of the first line.
+    # Bob signs again until a draw misses what is false: every copy has the draw of the suite's first line.
     for hour in (14, 15):
         sign_results(signed[1], tmp_path / "bob", author="bob", signed_at=f"2026-11-27T{hour}:00:00+00:00")
         assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
         capsys.readouterr()
         assert main([*audit, "--sample", "2", "--draw-only"]) == 0
         assert json.loads(capsys.readouterr().out)["drawn"] == first
-    # With another key he has another draw, and the audit says that there are two.
+    # Another key has the same draw, and the audit says that there are two.
     write_key(tmp_path / "second", "")
     sign_results(signed[1], tmp_path / "second", author="bob", signed_at="2026-11-27T16:00:00+00:00")
     assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
@@ -155,8 +161,36 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     assert main([*audit[:-1], "--sample", "2", "--draw-only"]) == 0
     out = capsys.readouterr().out
     assert "'bob' is the name beside 2 keys for this suite" in out
+    assert all(trial in out for trial in first)
     assert "Beacon: line 7 of the log has it, after the results." in out
     sign_results(signed[1], tmp_path / "bob", author="bob", signed_at="2026-11-27T17:00:00+00:00")
     assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
     assert main([*audit, "--sample", "2", "--draw-only"]) == 2
     assert "expected a beacon from after line 8" in capsys.readouterr().err
+
+
+@pytest.mark.end_to_end
+def test_entries_in_another_order_and_more_of_them_are_drawn_in_the_same_cases(
+    folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Positions of entries and their number are an author's to choose, so they decide nothing."""
+    method, *_ = MINE.strip().splitlines()[4:5]
+    (tmp_path / "more.yaml").write_text(
+        MINE.replace(f"{method}\n", "").replace("name: mine\n", "name: more\n")
+        + f"  - {{name: filler, start: {{python: dung_beetle}}}}\n{method}\n"
+    )
+    run(tmp_path / "more.yaml", tmp_path / "more", jobs=1, only=["entry=mine"])
+    write_key(tmp_path / "ada", "")
+    drawn = []
+    for folder in (folders[1], tmp_path / "more"):
+        signed = shutil.copytree(folder, tmp_path / f"signed {folder.name}")
+        sign_results(signed, tmp_path / "ada", author="ada", signed_at="")
+        assert main(["bench", "log", str(tmp_path / "log.jsonl"), "--add", str(signed)]) == 0
+        capsys.readouterr()
+        words = ["audit", str(signed), "--log", str(tmp_path / "log.jsonl"), "--beacon", "x", "--sample", "2"]
+        assert main(["bench", *words, "--entry", "mine", "--draw-only", "--json"]) == 0
+        rows = {row["trial"]: row for row in Results.load(signed).trials.to_pylist()}
+        told = json.loads(capsys.readouterr().out)
+        drawn.append({(rows[key]["case"], rows[key]["repetition"], rows[key]["is_control"]) for key in told["drawn"]})
+    assert drawn[0] == drawn[1]
+    assert len(drawn[0]) == 2

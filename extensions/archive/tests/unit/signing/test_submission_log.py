@@ -17,6 +17,7 @@ from gslcosim_archive.signing.submission_log import (
     add_submission,
     find_beacon_note,
     find_submission,
+    list_own,
     list_submissions,
     read_log,
 )
@@ -196,18 +197,26 @@ def copy_signed(signed_once, tmp_path, key_path, name, *, signed_at="", change="
     return sign_results(folder, key_path, author="Ada", signed_at=signed_at)
 
 
-def test_more_lines_of_a_key_leave_its_first_line_the_one_that_draws(log, signed_once, key, tmp_path):
-    """Copies signed again, changed programs and another suite's name do not make a new first line; another key does."""
+def test_more_lines_of_a_suite_leave_its_first_line_the_one_that_draws(log, signed_once, key, tmp_path):
+    """Copies signed again, changed programs, another suite's name and another key do not make a new first line."""
     first = find_submission(read_log(log), check_signature(signed_once), path=log)
     for i in range(4):
         signed = copy_signed(signed_once, tmp_path, key, f"copy {i}", signed_at=str(i), change=f"# {i}\n" * (i % 2))
         added = add_submission(log, replace(signed, suite=f"renamed {i}") if i == 3 else signed)
-        own = list_submissions(read_log(log), added)
+        own = list_own(read_log(log), added)
         assert (own[0], own[-1], len(own)) == (first, added, i + 2)
     write_key(tmp_path / "second", "")
-    other = add_submission(log, copy_signed(signed_once, tmp_path, tmp_path / "second", "other"))
-    assert list_submissions(read_log(log), other) == [other]
-    assert other.hash != first.hash
+    folder = shutil.copytree(signed_once, tmp_path / "other")
+    other = add_submission(log, sign_results(folder, tmp_path / "second", author="Eve", signed_at=""))
+    lines = read_log(log)
+    assert list_submissions(lines, other) == [line for line in lines if line.kind == "submission"]
+    assert list_submissions(lines, other)[0] == first
+    assert list_own(lines, other) == [other]
+    # The same name beside another key may be the same author.
+    third = add_submission(log, copy_signed(signed_once, tmp_path, tmp_path / "second", "third"))
+    assert {line.number for line in list_own(read_log(log), third)} == {
+        line.number for line in list_submissions(read_log(log), third)
+    }
 
 
 def test_a_beacon_that_was_logged_before_the_results_is_refused(log, signed_once, key, tmp_path):
@@ -223,5 +232,5 @@ def test_a_beacon_that_was_logged_before_the_results_is_refused(log, signed_once
     # A log without its last lines still draws by the first; that they are missing is what a noted head shows.
     raw = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join(raw[: note.number]))
-    assert list_submissions(read_log(log), line) == [line]
+    assert list_own(read_log(log), line) == [line]
     assert f"no line has the hash {late.hash}" in error_of(log, head=late.hash)

@@ -62,22 +62,3 @@ def test_a_draw_is_the_same_for_everybody_and_another_with_another_beacon():
     assert draw[:5] == draw_trials(rows, 5, seed="head\nbeacon")
     assert set(draw) != set(draw_trials(rows, 10, seed="head\nbeacons"))
     assert sorted(draw_trials(rows, 1000, seed="")) == rows
-
-
-def test_other_ids_in_the_same_places_are_drawn_alike():
-    """A comment in a program gives its trials other ids, and draws the same runs."""
-    n = 100
-    drawn = [
-        {
-            int(trial.split()[1])
-            for trial in draw_trials(
-                [f"{salt} {i}" for i in range(n)],
-                10,
-                seed="head\nbeacon",
-                places={f"{salt} {i}": f"case {i}" for i in range(n)},
-            )
-        }
-        for salt in ("a", "b")
-    ]
-    assert drawn[0] == drawn[1]
-    assert len(drawn[0]) == 10
