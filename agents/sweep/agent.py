@@ -34,7 +34,7 @@ class Sweep(Agent):
         self.guess_m = middle_m(briefing) if settings.guesses else None
         reads = settings.declares == "largest_reading"
         self.reading = LargestReading(briefing, smooth_s=settings.smooth_s) if reads else None
-        self.declared = DeclarationGuard()
+        self.declared, self.has_begun = DeclarationGuard(), False
         self.latest_s = LATEST * briefing.time_limit_s
         self.mean_m_s = PACE * (settings.speed_m_s or 0.5)
 
@@ -54,10 +54,11 @@ class Sweep(Agent):
         if observation.notice is not None and self.bends_m:
             self.give_in()
         n_bends = self.bends_in_time(observation)
-        found = None if n_bends or self.reading is None else self.reading.estimate()
+        found = self.reading.estimate() if self.reading is not None and self.has_begun and not n_bends else None
         if (passed := self.declared.passes(found)) is not None:
             return declaration(observation, passed.position_m, passed.confidence)
         if not self.bends_m:
+            self.has_begun = True
             self.bends_m.extend(self.new_lanes(observation))
             n_bends = self.bends_in_time(observation)
         if self.is_one_by_one:

@@ -124,6 +124,12 @@ def test_it_declares_near_the_most_gas_once_when_everything_is_swept():
     assert 180.0 < first_s < 240.0  # lanes of 84 m and 9 m between them, at 0.5 m/s
 
 
+def test_gas_at_the_start_is_no_reason_to_declare_before_the_sweep():
+    command = reader().decide(observation(position_m=START_M, readings={"nose": 9.0}))
+    assert command.declaration is None
+    assert len(bends_m(command)) == 12
+
+
 def test_without_gas_it_stays_silent_and_sweeps_on():
     assert fly(reader(), gas=lambda place_m: 0.05, time_limit_s=600.0)[0] == []
 
