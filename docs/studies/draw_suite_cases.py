@@ -1,9 +1,9 @@
 """Draws the picture of each bundled suite's README: a plan of every room at the height of search, with its places.
 
 Run with `python docs/studies/draw_suite_cases.py [SUITE...]`; it needs the extra `report`. Dark is solid at the height
-of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, orange ones decoys, dots starts. With
-`--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then solved, which
-takes a minute or more for each.
+of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, orange ones decoys, dots
+starts. With `--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then
+solved, which takes a minute or more for each.
 
 `--out DIR` puts the pictures elsewhere than beside the suites.
 """
