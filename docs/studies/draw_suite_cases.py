@@ -1,8 +1,8 @@
 """Draws the picture of each bundled suite's README: a plan of every room at the height of search, with its places.
 
 Run with `python docs/studies/draw_suite_cases.py [SUITE...]`; it needs the extra `report`. Dark is solid at the height
-of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, orange ones decoys, dots
-starts. With `--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then
+of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, black plus signs decoys,
+dots starts. With `--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then
 solved, which takes a minute or more for each.
 
 `--out DIR` puts the pictures elsewhere than beside the suites.
@@ -111,9 +111,11 @@ def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
         draw_opening(axis, seen)
     starts_m = np.array(sorted(panel.starts_m))
     axis.plot(starts_m[:, 0], starts_m[:, 1], "o", ms=4, color="black", mec="white", mew=0.6, clip_on=False)
-    for places_m, colour in ((panel.decoys_m, "tab:orange"), (panel.sources_m, "tab:red")):
-        x_and_y_m = np.reshape([place_m[:2] for place_m in sorted(places_m)], (-1, 2))
-        axis.plot(*x_and_y_m.T, "x", ms=7, mew=1.8, color=colour, clip_on=False)
+    for places_m, marker, colour in ((panel.decoys_m, "+", "black"), (panel.sources_m, "x", "tab:red")):
+        # Without any, a plot would have no bounds to lay out.
+        if places_m:
+            x_m_of, y_m_of = np.array(sorted(places_m)).T[:2]
+            axis.plot(x_m_of, y_m_of, marker, ms=7, mew=1.8, color=colour, clip_on=False)
     axis.set_title(f"{panel.title}, {vehicle.search_height_m:g} m up", fontsize=8)
     axis.set_aspect("equal")
     axis.set_xlim(x_m, to_x_m)

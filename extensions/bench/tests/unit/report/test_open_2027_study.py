@@ -23,10 +23,10 @@ def study():
     return module
 
 
-def results(tmp_path, reads=READS):
+def results(tmp_path, reads=READS, repetitions=8):
     plan = synthetic.Plan(
         methods=(GUESS, reads), n_scenarios=2, starts_m=synthetic.STARTS_M[-2:], maps=False, tracks=False,
-        repetitions=8, harder=0.0,
+        repetitions=repetitions, harder=0.0,
     )  # fmt: skip
     return synthetic.make_results(tmp_path / "results", plan)
 
@@ -55,3 +55,10 @@ def test_a_scenario_that_a_null_solves_in_more_than_half_is_to_be_redrawn(study,
     text, status = printed(study, results(tmp_path, replace(READS, success=0.9)), monkeypatch, capsys)
     assert status == 1
     assert len(re.findall(r"\*\*yes\*\* \|$", text, re.MULTILINE)) == 2
+
+
+def test_few_flights_are_no_reason_to_redraw_but_to_fly_more(study, tmp_path, monkeypatch, capsys):
+    folder = results(tmp_path, replace(READS, success=1.0), repetitions=2)
+    text, status = printed(study, folder, monkeypatch, capsys)
+    assert status == 1
+    assert len(re.findall(r"\| 4 \| \*\*more flights\*\* \|$", text, re.MULTILINE)) == 2
