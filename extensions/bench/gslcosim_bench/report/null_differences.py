@@ -20,7 +20,8 @@ class NullDifference:
         part: `all`, or a family.
         entry: Index of the entry.
         success: Its success.
-        null: That of the null that is best in the other runs of the same scenario.
+        null: That of the null that is best in the other runs of the same scenario; where these are few, of its family
+            or of all.
         difference: Success less null; its intervals over the entries of a part hold together.
         p: That there is no difference, corrected for the entries of the part.
     """
@@ -51,7 +52,8 @@ def compare_with_nulls(material: ReportData) -> tuple[NullDifference, ...]:
     if not nulls or not entries:
         return ()
     matrix, some = build_matrix(rows, np.ones(len(rows), dtype=bool), [*nulls, *entries], _success(material))
-    null = best_null_elsewhere(matrix[:, : len(nulls)], encode_labels(rows["scenario"][some]))
+    groupings = [encode_labels(rows[name][some]) for name in ("scenario", "family")]
+    null = best_null_elsewhere(matrix[:, : len(nulls)], groupings)
     return tuple(
         found
         for part, chosen in _parts(material, some)
