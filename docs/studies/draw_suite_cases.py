@@ -1,9 +1,9 @@
 """Draws the picture of each bundled suite's README: a plan of every room at the height of search, with its places.
 
 Run with `python docs/studies/draw_suite_cases.py [SUITE...]`; it needs the extra `report`. Dark is solid at the height
-of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, dots starts. With
-`--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then solved, which
-takes a minute or more for each.
+of search, grey what is solid below it. Blue lines are inlets and outlets, red crosses sources, black plus signs decoys,
+dots starts. With `--wind` arrows show the mean wind at that height; rooms whose wind has not been solved yet are then
+solved, which takes a minute or more for each.
 
 `--out DIR` puts the pictures elsewhere than beside the suites.
 """
@@ -43,6 +43,7 @@ class Panel:
     trial: Trial
     starts_m: set[tuple[float, ...]] = field(default_factory=set)
     sources_m: set[tuple[float, ...]] = field(default_factory=set)
+    decoys_m: set[tuple[float, ...]] = field(default_factory=set)
 
 
 def with_one_entry(loaded: LoadedSuite) -> LoadedSuite:
@@ -58,7 +59,9 @@ def panels_of(name: str) -> list[Panel]:
     for trial in build_plan(with_one_entry(load_suite(name))).trials:
         panel = panels.setdefault((trial.scenario, trial.room), Panel(trial.scenario, trial))
         panel.starts_m.add(trial.resolved.agents[0].vehicle.start_m)
-        panel.sources_m |= {source.position_m for source in trial.resolved.gas.sources}
+        gas = trial.resolved.gas
+        panel.sources_m |= {source.position_m for source in gas.searched}
+        panel.decoys_m |= {source.position_m for source in gas.sources if source not in gas.searched}
     found = list(panels.values())
     for panel in found:
         of_same = [other for other in found if other.trial.scenario == panel.trial.scenario]
@@ -106,9 +109,13 @@ def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
         draw_wind(axis, panel)
     for seen in plan.openings:
         draw_opening(axis, seen)
-    starts_m, sources_m = np.array(sorted(panel.starts_m)), np.array(sorted(panel.sources_m))
+    starts_m = np.array(sorted(panel.starts_m))
     axis.plot(starts_m[:, 0], starts_m[:, 1], "o", ms=4, color="black", mec="white", mew=0.6, clip_on=False)
-    axis.plot(sources_m[:, 0], sources_m[:, 1], "x", ms=7, mew=1.8, color="tab:red", clip_on=False)
+    for places_m, marker, colour in ((panel.decoys_m, "+", "black"), (panel.sources_m, "x", "tab:red")):
+        # Without any, a plot would have no bounds to lay out.
+        if places_m:
+            x_m_of, y_m_of = np.array(sorted(places_m)).T[:2]
+            axis.plot(x_m_of, y_m_of, marker, ms=7, mew=1.8, color=colour, clip_on=False)
     axis.set_title(f"{panel.title}, {vehicle.search_height_m:g} m up", fontsize=8)
     axis.set_aspect("equal")
     axis.set_xlim(x_m, to_x_m)

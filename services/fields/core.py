@@ -145,7 +145,7 @@ class FieldsCore:
         self._downwash = Downwash(scenario)
         self.gases, gas = self.gas.gases, self.gas
         self._gas_ahead = gas if isinstance(gas, FilamentField) and not self._downwash.is_on else None
-        self._slice_height_m = slice_height_m(scenario)
+        self._slice_height_m = scenario.slice_height_m
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
         )
@@ -283,9 +283,3 @@ class FieldsCore:
             height_m=self._slice_height_m,
             mixing_ratio_ppm=NumericArray.from_array(ppm[:, :, 0].astype(np.float32)),
         )
-
-
-def slice_height_m(scenario: Scenario) -> float:
-    """Return the height of the recorded slice [m]: the agents' search height, or the source's if they differ."""
-    heights_m = {agent.vehicle.search_height_m for agent in scenario.agents}
-    return heights_m.pop() if len(heights_m) == 1 else float(scenario.gas.sources[0].position_m[2])

@@ -143,8 +143,9 @@ class RefereeCore:
         return marked
 
     def _move_source(self, i_source: int, to_m: Vec3) -> None:
-        run = self._run
-        run.sources_m = (*run.sources_m[:i_source], to_m, *run.sources_m[i_source + 1 :])
+        run, gas = self._run, self._scenario.gas
+        places_m = zip(gas.searched, run.sources_m, strict=True)
+        run.sources_m = tuple(to_m if each is gas.sources[i_source] else at_m for each, at_m in places_m)
         for case in run.cases:
             if case.outcome is None:
                 case.move_sources(run.sources_m)
@@ -221,7 +222,7 @@ class RefereeCore:
 def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRules:
     return EvaluationRules(
         tick_ns=scenario.tick_ns,
-        sources_m=tuple(source.position_m for source in scenario.gas.sources),
+        sources_m=tuple(source.position_m for source in scenario.gas.searched),
         success=scenario.referee.success,
         ends_on_collision=scenario.referee.stop.on_collision,
         floors=frozenset(box.name for box in environment.boxes if box.kind == "floor"),

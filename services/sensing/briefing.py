@@ -107,7 +107,7 @@ def build_nominal_plume(scenario: Scenario) -> NominalPlume:
     Held by:
         tests/unit/services/sensing/test_briefing.py
     """
-    gas, source = scenario.gas, scenario.gas.sources[0]
+    gas, source = scenario.gas, scenario.gas.searched[0]
     # A model without filaments has no spread of its own; its figures are those that filaments usually have.
     usual = FilamentsSpec.model_fields
     growth_m2_s = gas.growth_m2_s if isinstance(gas, FilamentsSpec) else usual["growth_m2_s"].default
@@ -157,7 +157,7 @@ def build_briefing(agent: AgentSpec, scenario: Scenario, environment: Environmen
         parameters=agent.parameters,
         known_map=build_known_map(agent, environment),
         plume=build_nominal_plume(scenario) if agent.knows.plume else None,
-        known_sources=tuple(source.position_m for source in scenario.gas.sources) if agent.knows.source else (),
+        known_sources=tuple(source.position_m for source in scenario.gas.searched) if agent.knows.source else (),
         task=task,
     )
 

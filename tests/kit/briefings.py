@@ -31,6 +31,7 @@ MODELS = {
     "pid": ("mixing_ratio", "ppm"),
     "binary": ("gas_detected", "1"),
     "hit_counter": ("hits", "1"),
+    "tdlas": ("path_integrated_mixing_ratio", "ppm m"),
     "anemometer": ("apparent_wind", "m/s, rad"),
     "anemometer_3d": ("apparent_wind", "m/s"),
     "four_range_finders": ("range", "m"),

@@ -66,7 +66,7 @@ class PathLengths:
 
     def add(self, scenario: Scenario, agent: AgentSpec, environment: Environment) -> None:
         """Add the case of a scenario: its number is how many were added before."""
-        sources_m = tuple(source.position_m for source in scenario.gas.sources)
+        sources_m = tuple(source.position_m for source in scenario.gas.searched)
         is_level = bool(getattr(scenario.referee.success, "is_horizontal", False))
         height_m = agent.vehicle.search_height_m
         places: Places = environment if self._is_in_space else layer_at(environment, height_m)

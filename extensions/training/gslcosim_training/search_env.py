@@ -207,7 +207,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
             )
         flight = SteppedRun(loaded)
         briefing = flight.get_briefing(scenario.agents[0].name)
-        sources_m = [source.position_m for source in scenario.gas.sources]
+        sources_m = [source.position_m for source in scenario.gas.searched]
         vector, shield = ObservationVector(briefing, has_wind_frame=self._has_wind_frame), None
         if self._shield_m is not None:
             hold_s, speed_m_s = self._action_settings["hold_s"], self._action_settings["speed_m_s"]

@@ -146,5 +146,5 @@ class SteppedRun(Simulation):
 
 
 def _before_the_first(agent: AgentSpec, scenario: Scenario) -> AgentScore:
-    distances_m = (distance(agent.vehicle.start_m, source.position_m) for source in scenario.gas.sources)
+    distances_m = (distance(agent.vehicle.start_m, source.position_m) for source in scenario.gas.searched)
     return AgentScore(agent=agent.name, distance_to_source_m=min(distances_m), path_length_m=0.0, n_commands=0)

@@ -192,6 +192,11 @@ class GasSpec(KindedSpec):
         """Folder or file of the gas, if the model reads stored gas."""
         return None
 
+    @property
+    def searched(self) -> tuple[SourceSpec, ...]:
+        """Sources of the gas to find; all of them where none releases it."""
+        return tuple(source for source in self.sources if source.gas in (None, self.gas)) or self.sources
+
     @model_validator(mode="after")
     def _check_sources(self) -> Self:
         for i, source in enumerate(self.sources):

@@ -1,7 +1,7 @@
 """Setup of an entry in a scenario: its program with robots, sensors, grants and radio, as plain scenario values."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,7 @@ def apply_entry(
         "start": resolve_start(entry.start, directory).model_dump(mode="json", exclude_defaults=True)
         | (_APART if is_sandboxed and entry.start.python is not None else {}),
         "parameters": {**entry.parameters, **entry.parameters_in.get(name, {})},
-        "knows": _knows(entry, card),
+        "knows": _knows(entry, card, first.get("knows") or {}),
     }
     if entry.mode is not None:
         first["mode"] = entry.mode
@@ -111,7 +111,7 @@ def apply_entry(
 
 
 def close_sources(values: dict[str, Any]) -> None:
-    """Close all sources of a scenario's values: what a control flies in."""
+    """Close all sources of the gas to find in a scenario's values: what a control flies in, decoys as they are."""
     if values["gas"]["model"] == "playback":
         raise ProblemsError(
             [
@@ -123,7 +123,8 @@ def close_sources(values: dict[str, Any]) -> None:
                 )
             ]
         )
-    for source in values["gas"]["sources"]:
+    sources, gas = values["gas"]["sources"], values["gas"].get("gas")
+    for source in [source for source in sources if source.get("gas") in (None, gas)] or sources:
         source["release"] = NO_GAS
 
 
@@ -142,10 +143,12 @@ def _is_beside(directory: Path, word: str) -> bool:
     return ("/" in word or "." in word) and not word.startswith("-") and (directory / word).is_file()
 
 
-def _knows(entry: EntrySpec, card: MethodCard | None) -> dict[str, Any]:
+# What a scenario grants, but not the place of its source, is granted to all beside what their methods need.
+def _knows(entry: EntrySpec, card: MethodCard | None, granted: Mapping[str, Any]) -> dict[str, Any]:
     if entry.knows is not None:
         return entry.knows.model_dump(mode="json")
-    return dict.fromkeys(card.needs.knows, True) if card is not None else {}
+    needed = dict.fromkeys(card.needs.knows, True) if card is not None else {}
+    return needed | {name: grant for name, grant in granted.items() if grant and name != "source"}
 
 
 def _sensors(entry: EntrySpec, card: MethodCard | None) -> list[dict[str, Any]]:

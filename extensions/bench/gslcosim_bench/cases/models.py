@@ -90,7 +90,8 @@ class ScenarioSpec(Spec):
     `name` is what it is called here, its own if absent; `family` is the group of cases that it is counted in, its name
     if absent. With `split` it is a family: its first `cases` cases of that split, each with the seed that it has there.
     `vary` multiplies with the suite's, and replaces its items for the same values; `starts` are starts of the vehicle,
-    world frame [m], one case each. `repetitions` and `gas_seeds` replace the suite's. `seeds` are those of the runs:
+    world frame [m], one case each. `source_height_m` is the height above the floor of all sources whose places are
+    drawn; absent: drawn too. `repetitions` and `gas_seeds` replace the suite's. `seeds` are those of the runs:
     one repetition for each, whose run and gas have it.
     """
 
@@ -102,6 +103,7 @@ class ScenarioSpec(Spec):
     set: Values = {}  # noqa: RUF012 - pydantic copies it
     vary: tuple[Axis, ...] = ()
     starts: Annotated[tuple[Vec3, ...], Field(min_length=1)] | None = None
+    source_height_m: Positive | None = None
     repetitions: Annotated[int, Field(ge=1, le=100_000)] | None = None
     gas_seeds: Annotated[int, Field(ge=1, le=100_000)] | None = None
     seeds: Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], Field(min_length=1)] | None = None
@@ -302,6 +304,8 @@ class Suite(Spec):
     `sealed`, in the suite of results, is the commitment to a seed that is secret.
     `smallest_difference_points` is the difference in success that matters: entries are called equally successful whose
     difference is smaller.
+    `nulls` are entries that every method has to beat: the report gives each entry's difference to the best of them in
+    each case.
     """
 
     schema_: Literal["gslcosim/suite/1"] = Field(alias="schema")
@@ -326,6 +330,7 @@ class Suite(Spec):
     sandbox: Literal["optional", "required"] = "optional"
     sealed: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
     smallest_difference_points: Annotated[float, Field(gt=0, lt=100)] = SMALLEST_DIFFERENCE_POINTS
+    nulls: tuple[Name, ...] = ()
 
     @property
     def entries_with_anchors(self) -> tuple[EntrySpec, ...]:
@@ -379,6 +384,13 @@ class Suite(Spec):
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise broken_rule_error(
                 key="entries", expected="a name of its own for each", found=f"{twice} twice", remedy="Rename one."
+            )
+        if missing := next((name for name in self.nulls if self.entries and name not in names), None):
+            raise broken_rule_error(
+                key="nulls",
+                expected="names of entries of the suite",
+                found=missing,
+                remedy="Add it to entries, or leave it out.",
             )
         # Anchors alone would compare nothing; cases of included suites have the entries of those suites.
         if self.scenarios and not self.entries:
@@ -463,6 +475,8 @@ class Case:
     """Those of its repetitions, where its scenario lists them."""
     has_sensor_holds: bool = False
     """True if vehicles hold as long as their slowest gas sensor takes to respond."""
+    source_height_m: float | None = None
+    """Height above the floor of sources whose places are drawn [m]; None: drawn too."""
 
     def run_seed(self, repetition: int) -> int:
         """Return the seed of its runs of a repetition."""

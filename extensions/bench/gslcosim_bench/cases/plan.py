@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -14,16 +15,25 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.problems import Problem
+from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import list_live_keys
 from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.environment.generation.cache import recipe_hash
 from gslcosim.environment.geometry_source import find_folder
-from gslcosim.environment.positions import can_start_at, draw_positions, find_position_problems, nearest_start_m
+from gslcosim.environment.positions import (
+    can_start_at,
+    draw_positions,
+    find_point_problems,
+    find_position_problems,
+    nearest_start_m,
+    read_room,
+)
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
-from gslcosim.scenario.loader import resolve_values
+from gslcosim.scenario.loader import RandomPosition, resolve_values
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -63,6 +73,8 @@ DEFAULT_PACE = 120.0
 OVERHEAD_S = 0.1
 ROOM_S, PLUME_S = 60.0, 10.0
 BYTES_PER_TRIAL = 9_000
+MAX_DRAWS = 100
+"""After so many draws no air is looked for any longer at the height of a source."""
 MAX_PROBLEMS = 100
 """With so many problems, further cases of a suite are not looked at."""
 _N = 200_000
@@ -162,6 +174,7 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
                         seed=seed,
                         seeds=spec.seeds or (),
                         has_sensor_holds=suite.hold_s == "by_sensor",
+                        source_height_m=spec.source_height_m,
                     ),
                 )
 
@@ -597,9 +610,34 @@ def _text_of(problem: Problem) -> str:
 
 
 def _load(case: Case, seed: int) -> tuple[Scenario, Path]:
-    loaded = load_scenario(case.source, overrides=case.overrides, seed=seed, placer=draw_positions, set_in=case.set_in)
+    placer = draw_positions if case.source_height_m is None else partial(_draw_at_height, case.source_height_m)
+    loaded = load_scenario(case.source, overrides=case.overrides, seed=seed, placer=placer, set_in=case.set_in)
     scenario = with_sensor_holds(loaded.scenario) if case.has_sensor_holds else loaded.scenario
     return scenario, loaded.directory
+
+
+# Draws places anew, from a stream of the seed's own, until all sources are in air at their height.
+def _draw_at_height(
+    height_m: float,
+    spec: EnvironmentSpec,
+    wind: SolverSpec,
+    scenario_dir: Path,
+    seed: int,
+    wanted: Sequence[RandomPosition],
+) -> Mapping[str, Vec3]:
+    room = read_room(spec, wind, scenario_dir)
+    if room is None:
+        return {}
+    for i in range(MAX_DRAWS):
+        places = draw_positions(spec, wind, scenario_dir, derive_seed(seed, "height", i) if i else seed, wanted)
+        found = {
+            each.path: (*places[each.path][:2], round(float(room.grid.origin_m[2]) + height_m, 6))
+            for each in wanted
+            if each.vehicle is None and each.path in places
+        }
+        if not find_point_problems(list(found.items()), room):
+            return {**places, **found}
+    return {}
 
 
 # Drawn places differ from seed to seed.

@@ -25,6 +25,7 @@ from gslcosim_bench.report.curves import (
 )
 from gslcosim_bench.report.labels import LevelSuccess, compare_levels
 from gslcosim_bench.report.leaderboard import LeaderboardRow, build_leaderboard
+from gslcosim_bench.report.null_differences import NullDifference, compare_with_nulls
 from gslcosim_bench.report.plans import PlanDrawing, StartSuccess, build_plan_drawings, compute_start_success
 from gslcosim_bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, read_samples
 from gslcosim_bench.report.responses import ParameterResponse, compute_responses
@@ -347,7 +348,7 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All figures of the report; `levels` are empty where the suite labels no cases."""
+    """All figures of the report; `levels` are empty where the suite labels no cases, `nulls` where it names none."""
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -357,6 +358,7 @@ class Analysis:
     grades: tuple[CaseDifficulty, ...]
     failures: tuple[FailureGroup, ...]
     levels: tuple[LevelSuccess, ...] = ()
+    nulls: tuple[NullDifference, ...] = ()
 
     @property
     def everything(self) -> ReportView:
@@ -390,6 +392,7 @@ def analyse(material: ReportData) -> Analysis:
         grades=grade_cases(material, rooms),
         failures=group_failures(material),
         levels=compare_levels(material),
+        nulls=compare_with_nulls(material),
     )
 
 

@@ -233,6 +233,7 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
         "beliefs": _lines(analysis, "time_s", lambda view: view.beliefs, "figure"),
         "last_beliefs": _items(analysis, lambda view: view.last_beliefs, ("entry", "n"), BELIEF_FIGURES),
         "difficulty": _difficulty(analysis),
+        **({"difference_to_null": _null_differences(analysis)} if analysis.nulls else {}),
         **({"success_by_label": _levels(analysis)} if analysis.levels else {}),
         "failures": _failures(analysis),
         "trials": _trials(analysis),
@@ -281,6 +282,12 @@ def _levels(analysis: Analysis) -> Iterator[Sequence[Any]]:
     plain, estimates = ("axis", "level", "is_core", "entry"), ("success", "alone", "approach", "difference")
     yield [*plain, *(head for name in estimates for head in _heads(name))]
     yield from (_cells(analysis, each, plain, estimates) for each in analysis.levels)
+
+
+def _null_differences(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    plain, estimates = ("part", "entry", "p"), ("success", "null", "difference")
+    yield [*plain, *(head for name in estimates for head in _heads(name))]
+    yield from (_cells(analysis, each, plain, estimates) for each in analysis.nulls)
 
 
 def _lines(
@@ -414,6 +421,7 @@ def write_summary(analysis: Analysis) -> str:
         lines += _table(analysis)
         lines += ["", *_NOTES, ""]
         lines += _verdicts(analysis)
+        lines += _headline(analysis)
     lines += ["## How it was made", "", *_bullets(f"{what}: {how}" for what, how in facts.made)]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -465,3 +473,25 @@ def _verdicts(analysis: Analysis) -> list[str]:
     if len(lines) == 2:
         lines.append("No two entries have been told apart, and none are shown to be equally successful.")
     return [*lines, ""]
+
+
+# Over all cases; families are in the table of the page.
+def _headline(analysis: Analysis) -> list[str]:
+    some = sorted((each for each in analysis.nulls if each.part == "all"), key=lambda each: -each.difference.value)
+    if not some:
+        return []
+    names = _names(analysis)
+    percent, points = number_formats.format_percent, number_formats.format_points
+    rows = [
+        [
+            names[each.entry],
+            number_formats.format_estimate(each.success, percent),
+            number_formats.format_estimate(each.null, percent),
+            number_formats.format_estimate(each.difference, points),
+            str(each.difference.n),
+        ]
+        for each in some
+    ]
+    heads = ["Entry", "Success [%]", "Best null [%]", "Difference [points]", "n"]
+    table = format_markdown_table(heads, rows, rules=["---", *["--:"] * 4])
+    return ["## Difference to the null", "", *table, ""]

@@ -7,6 +7,7 @@ import numpy as np
 
 from gslcosim_bench.report.analysis import Analysis, ReportView
 from gslcosim_bench.report.leaderboard import compare_within
+from gslcosim_bench.report.null_differences import find_nulls
 from gslcosim_bench.statistics.estimates import Estimate
 
 # What is blind finds the source in at least so many runs where that tells something of the criterion; chosen.
@@ -18,8 +19,10 @@ _MAX_LISTED = 4
 def describe_validity(analysis: Analysis) -> list[str]:
     """Return sentences on what the figures of a report are worth, none where nothing speaks against them."""
     names = [entry.name for entry in analysis.material.entries]
-    blind = [i for i, entry in enumerate(analysis.material.entries) if entry.is_blind]
-    anchors = {i for i, entry in enumerate(analysis.material.entries) if entry.anchor == "lower"}
+    # A null may read a nose that its method does without: it says nothing of the need for one.
+    nulls = find_nulls(analysis.material)
+    blind = [i for i, entry in enumerate(analysis.material.entries) if entry.is_blind and i not in nulls]
+    anchors = {i for i, entry in enumerate(analysis.material.entries) if entry.anchor == "lower"} | {*nulls}
     found: list[str] = []
     for view in [view for view in analysis.views if len(view.scenarios) == 1] or [analysis.everything]:
         rates = {row.entry: row.success for row in view.standings}

@@ -152,6 +152,32 @@ def compare_entries(
     )
 
 
+def estimate_family(
+    differences: Floats,
+    units: SamplingUnits,
+    cases: NDArray[np.int64] | None = None,
+    *,
+    level: float = LEVEL,
+    limit: float = math.inf,
+    seed: int = SEED,
+    n_signs: int = N_SIGNS,
+) -> tuple[list[Estimate], Floats]:
+    """Return the mean of each column of differences with simultaneous intervals, and p values, of one family.
+
+    As `compare_entries`, for differences to one reference: all intervals hold their true differences together in
+    `level` of comparisons, and p is corrected for the number of columns.
+
+    Args:
+        differences: (n_flights, m); nan where there is none.
+        cases: (n_flights,) case of each, 0 on; each case counts the same. None: each flight does.
+        limit: Largest difference that is possible; intervals end there.
+    """
+    means = compute_means(np.asarray(differences, dtype=np.float64), units, cases)
+    family = _Family(means, units, level, seed, n_signs)
+    m = differences.shape[1]
+    return [family.estimate(i, limit) for i in range(m)], family.p_values(0, m)
+
+
 def estimate_means(
     values: Floats,
     units: SamplingUnits,

@@ -245,7 +245,7 @@ class _Preparing:
         self.vehicles.append(vehicle)
 
     def _add_sources(self, case: Any, scenario: Scenario, start_m: tuple[float, float, float]) -> None:
-        success, places_m = scenario.referee.success, [source.position_m for source in scenario.gas.sources]
+        success, places_m = scenario.referee.success, [source.position_m for source in scenario.gas.searched]
         case["first_source"], case["n_sources"] = len(self.sources_m), len(places_m)
         self.sources_m += places_m
         is_all = isinstance(success, AllSourcesSuccess)

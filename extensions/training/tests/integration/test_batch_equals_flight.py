@@ -125,7 +125,7 @@ def test_velocities_on_request_are_those_of_single_runs():
         ((*PUFFS, LIMIT, EVERY_SENSOR, TWO_GASES, "gas.step_s=0.5"), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, LIDARS), {"hold_s": 0.5}),
         ((*BALL, LIMIT, LIDARS, "agents[0].mode=lockstep"), {}),
-        ((*PUFFS, LIMIT, TWO_GASES, "referee.success.of=all_sources"), {"hold_s": 0.5}),
+        ((*PUFFS, LIMIT, TWO_GASES.replace(", gas: methane", ""), "referee.success.of=all_sources"), {"hold_s": 0.5}),
         ((*BALL, LIMIT, "agents[0].vehicle.start_m=[4.5,2.5,1.5]"), {"hold_s": 0.5, "action": "waypoint_3d"}),
     ],
 )

@@ -12,7 +12,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
-from gslcosim_services.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
+from gslcosim_services.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore
 from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -147,8 +147,8 @@ def test_slices_are_the_field_at_cell_centres_of_the_search_height(scenario_with
 
 
 def test_the_slice_is_at_the_sources_height_when_agents_disagree(scenario_with):
-    assert slice_height_m(scenario_with(search_heights_m=(3.0, 3.0))) == 3.0
-    assert slice_height_m(scenario_with(search_heights_m=(1.0, 3.0))) == 2.0
+    assert scenario_with(search_heights_m=(3.0, 3.0)).slice_height_m == 3.0
+    assert scenario_with(search_heights_m=(1.0, 3.0)).slice_height_m == 2.0
 
 
 def test_equal_seeds_give_equal_messages_and_another_seed_others(scenario_with, room):

@@ -417,6 +417,35 @@ def test_a_declaration_does_not_end_a_run_in_which_maps_are_judged():
     assert court.verdict is None
 
 
+def with_decoy(*events: dict) -> Scenario:
+    """A scenario whose first source releases another gas than the one to find."""
+    values = plain_values(scenario(sources=((8.0, 4.0, 2.0), SOURCE)))
+    values["gas"]["sources"][0]["gas"] = "methane"
+    return Scenario.model_validate({**values, "events": list(events)})
+
+
+def test_a_source_of_another_gas_is_a_decoy_and_no_source():
+    court = Court(with_decoy()).step(body(position_m=(8.0, 4.0, 2.0)))
+    assert court.verdict is None
+    assert court.score.agents[0].distance_to_source_m > 2.0
+    court.step(body(position_m=SOURCE))
+    assert court.verdict.agents[0].success
+
+
+def test_a_decoy_that_moves_leaves_the_sources_where_they_are():
+    court = Court(with_decoy({"what": "source_moves", "source": 0, "at_s": 0.1, "to_m": (8.0, 1.0, 2.0)}))
+    court.step(body(position_m=(8.0, 1.0, 2.0))).step(body(position_m=(8.0, 1.0, 2.0)), beginning=[0])
+    assert court.verdict is None
+    assert court.score.agents[0].distance_to_source_m == pytest.approx(math.dist((8.0, 1.0, 2.0), SOURCE))
+
+
+def test_where_no_source_releases_the_gas_to_find_all_count():
+    values = plain_values(scenario())
+    values["gas"]["sources"][0]["gas"] = "methane"
+    court = Court(Scenario.model_validate(values)).step(body(position_m=SOURCE))
+    assert court.verdict.agents[0].success
+
+
 def test_events_are_reported_and_sources_that_move_are_followed():
     plan = scenario()
     moves = {"what": "source_moves", "at_s": 0.1, "to_m": (8.0, 1.0, 2.0)}

@@ -83,3 +83,13 @@ def test_sources_and_parameters_come_as_the_scenario_has_them(make_room, scenari
     briefing = build_briefing(scenario.agents[0], scenario, make_room(), seed=1)
     assert briefing.known_sources == ((5.0, 1.0, 2.0),)
     assert briefing.parameters == {"step_m": 0.5, "sides": ("left", 2)}
+
+
+def test_a_source_of_another_gas_is_not_among_the_known_ones(make_room, scenario_with):
+    scenario = scenario_with({"source": True, "plume": True})
+    (source,) = scenario.gas.sources
+    decoy = source.model_copy(update={"position_m": (9.0, 8.0, 2.0), "gas": "methane", "ppm": 99.0})
+    both = scenario.model_copy(update={"gas": scenario.gas.model_copy(update={"sources": (decoy, source)})})
+    briefing = build_briefing(both.agents[0], both, make_room(), seed=1)
+    assert briefing.known_sources == (source.position_m,)
+    assert briefing.plume == build_nominal_plume(scenario)

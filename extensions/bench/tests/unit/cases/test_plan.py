@@ -154,6 +154,61 @@ def test_the_cases_hash_does_not_depend_on_who_enters(tmp_path: Path) -> None:
     assert planned(tmp_path, cases + ONE_ENTRY).suite_hash == planned(tmp_path, cases + other).suite_hash
 
 
+def test_drawn_sources_have_the_height_of_their_scenario_and_stay_in_air(tmp_path: Path) -> None:
+    text = (
+        "scenarios: [{source: gsl_bench_3, source_height_m: 0.3}, {source: gsl_bench_3, name: free}]\n"
+        "set: {'gas.sources': [{position_m: random}], 'agents[0].vehicle.start_m': random}\nrepetitions: 12\n"
+    )
+    plan, again = (planned(tmp_path, text + ONE_ENTRY) for _ in range(2))
+    low, free = (
+        [trial.resolved.gas.sources[0].position_m for trial in plan.trials if trial.scenario == name]
+        for name in ("gsl_bench_3", "free")
+    )
+    assert {place_m[2] for place_m in low} == {0.3}
+    assert len(set(low)) == 12
+    assert len({place_m[2] for place_m in free}) > 3
+    assert [trial.id for trial in again.trials] == [trial.id for trial in plan.trials]
+
+
+def test_a_height_without_air_is_refused(tmp_path: Path) -> None:
+    text = "scenarios: [{source: tiny_room, source_height_m: 9}]\nset: {'gas.sources': [{position_m: random}]}\n"
+    with pytest.raises(ScenarioError, match=r"gas.sources\[0\].position_m: expected a room with free air"):
+        planned(tmp_path, text + ONE_ENTRY)
+
+
+def test_what_a_scenario_grants_is_granted_to_all_but_the_source(tmp_path: Path) -> None:
+    text = (
+        "scenarios: [{source: tiny_room, set: {'agents[0].knows': {map: 3d, source: true}}}, "
+        "{source: tiny_room, name: bare}]\n"
+        "entries:\n"
+        "  - {name: walk, start: {python: random_walker}}\n"
+        "  - {name: mapper, start: {python: gr_gsl}, sensors: by_method}\n"
+        "  - {name: own, start: {python: random_walker}, knows: {plume: true}}\n"
+    )
+    granted = {(t.scenario, t.entry): t.resolved.agents[0].knows for t in planned(tmp_path, text).trials}
+    assert {granted["tiny_room", name].map for name in ("walk", "mapper")} == {"3d"}
+    assert not any(granted["tiny_room", name].source for name in ("walk", "mapper", "own"))
+    assert not granted["tiny_room", "own"].map
+    assert not granted["bare", "walk"].map
+    assert granted["bare", "mapper"].map
+
+
+def test_controls_close_the_sources_of_the_gas_to_find_and_leave_decoys(tmp_path: Path) -> None:
+    text = (
+        "scenarios: [tiny_room]\ncontrols: {no_source_frac: 1}\n"
+        "set: {'gas.sources': [{position_m: [1.5, 2, 1]}, {position_m: [3, 2, 1], gas: propanol}]}\n"
+    )
+    (control,) = (trial for trial in planned(tmp_path, text + ONE_ENTRY).trials if trial.is_control)
+    assert [source.release.kind for source in control.resolved.gas.sources] == ["scheduled", "constant"]
+
+
+def test_nulls_are_entries_of_the_suite(tmp_path: Path) -> None:
+    text = "scenarios: [tiny_room]\n" + ONE_ENTRY + "nulls: "
+    assert planned(tmp_path, f"{text}[beetle]").loaded.suite.nulls == ("beetle",)
+    with pytest.raises(ScenarioError, match="nulls: expected names of entries of the suite, was sweep"):
+        planned(tmp_path, f"{text}[sweep]")
+
+
 def test_places_that_are_not_free_are_errors_unless_they_are_to_be_left_out(tmp_path: Path) -> None:
     text = (
         "scenarios: [tiny_room]\nvary:\n  - agents[0].vehicle.start_m: [[4.5, 2.5, 0.2], [99, 2.5, 0.2]]\n" + ONE_ENTRY

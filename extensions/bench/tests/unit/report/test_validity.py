@@ -51,6 +51,14 @@ def test_nothing_is_said_where_the_blind_one_is_worse_absent_or_not_told_apart(t
     assert sentences(tmp_path, *methods) == []
 
 
+def test_a_null_says_nothing_of_the_need_for_a_nose(tmp_path):
+    synthetic.make_results(tmp_path, replace(PLAN, methods=(SWEEP, CASTING, synthetic.ORACLE), repetitions=40))
+    material = load_report_data(tmp_path)
+    named = replace(material, suite={**material.suite, "nulls": ["sweep"]})
+    assert len(describe_validity(analyse(material))) == 1
+    assert describe_validity(analyse(named)) == []
+
+
 def test_warnings_of_runs_are_counted_by_what_they_are_about(tmp_path):
     wind, refused = "wind: The wind has not settled.", "commands: The vehicle refused all."
     (text,) = sentences(tmp_path, CASTING, warnings=(wind, f"{wind}\n{refused}"))
