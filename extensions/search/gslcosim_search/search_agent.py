@@ -28,7 +28,8 @@ class SearchAgent(Agent):
     2. leg: `continue_leg` answers as long as the last leg, or a wait at its end, is under way.
     3. belief: `learn` takes in what the stop has brought; `p` over the cells of `grid` is published with the answer.
     4. declaration: what `estimate` returns is declared, once for each place, and near the time limit what
-       `deadline.DeadlineRule` finds in the belief; `declares: false` switches both off.
+       `deadline.DeadlineRule` finds in the belief; `declares: false` switches both off. Where that rule holds, nothing
+       is declared before there was gas.
     5. planner: `next_leg` is the answer otherwise, with the radio messages of `outgoing`.
 
     A method is a subclass that fills in what it has of these; `next_leg` it must. Its `program` is its card that names
@@ -75,7 +76,8 @@ class SearchAgent(Agent):
         self.learn(observation)
         p = self.p
         belief = None if p is None else self.publisher.message(observation, p, self.grid, height_m=self.height_m)
-        if getattr(self.settings, "declares", True):
+        has_grounds = self.deadline is None or self.deadline.has_met_gas
+        if has_grounds and getattr(self.settings, "declares", True):
             command = self.declare_late(observation)
             if command is None and (found := self.estimate(observation)) is not None:
                 command = self.declare(observation, found)

@@ -29,6 +29,8 @@ class DeadlineRule:
        the room, and no place of a source
     3. the ball of the success radius that holds the most of the belief holds more than a tenth of it
 
+    A method's own rule waits for the second condition, too: `has_met_gas`.
+
     The estimate is the mean place inside that ball: where a declaration most probably succeeds, if the belief is
     right. Its confidence is the probability of the ball.
 
@@ -64,12 +66,17 @@ class DeadlineRule:
         if is_hit:
             self._most = max(self._most, level)
 
+    @property
+    def has_met_gas(self) -> bool:
+        """True once there was gas well above what clean air shows."""
+        return self._most > PEAK_FACTOR * self._level.threshold
+
     def estimate(self, time_s: float, p: NDArray[np.float64], grid: CellGrid) -> Estimate | None:
         """Return the estimate of a belief if it is to be declared now.
 
         Args:
             p: The belief, of the grid's shape, sum 1.
         """
-        if time_s < self._late_s or not self._most > PEAK_FACTOR * self._level.threshold:
+        if time_s < self._late_s or not self.has_met_gas:
             return None
         return by_mass(p, grid, radius_m=self._radius_m, least=LEAST_PROBABILITY)

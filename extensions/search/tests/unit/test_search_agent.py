@@ -118,3 +118,20 @@ def test_near_the_time_limit_the_belief_is_declared_once_where_the_mission_asks_
 
     assert kinds() == ["waypoint", "waypoint", "declare_source", "waypoint"]
     assert set(kinds(deadline="never")) == set(kinds(declares=False)) == {"waypoint"}
+
+
+def test_where_the_mission_asks_no_belief_is_declared_before_there_was_gas():
+    class Sure(Believer):
+        """Declares by a rule of its own at once."""
+
+        def estimate(self, observation):
+            return Estimate(position_m=(3.0, 4.0), confidence=0.8)
+
+    def kinds(ppm, **settings):
+        mission = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), task=task_of(DeclarationSuccess()))
+        one = Sure(mission=mission, **settings)
+        return [one.decide(observation(tick=10, readings={"nose": ppm, "vane": (0.5, 0.0)})).kind]
+
+    assert kinds(2.0, deadline="by_mission") == ["declare_source"]
+    assert kinds(0.2, deadline="by_mission") == ["waypoint"]
+    assert kinds(0.2, deadline="never") == ["declare_source"]
