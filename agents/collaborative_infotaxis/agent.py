@@ -57,6 +57,7 @@ class CollaborativeInfotaxis(SearchAgent):
 
     def observe(self, observation: Observation) -> None:
         """Take note of wind and gas on the way, and of what the others found."""
+        super().observe(observation)
         self.winds.add(observation)
         finding = self.evidence.add(observation)
         if finding is not None:

@@ -38,7 +38,7 @@ class HiddenMarkov(SourceBeliefAgent):
             detection_probability=settings.detection_probability,
         )
 
-    def update(self, observation: Observation, finding: Finding) -> None:
+    def update(self, observation: Observation, finding: Finding, weight: float) -> None:
         """Pull the finding back along the chain, from the sensor's cell to every cell and time of release."""
         plume = self.plume()
         chance = compute_arrival_probabilities(plume, self.cell_at(finding.sensor_m))
@@ -48,9 +48,9 @@ class HiddenMarkov(SourceBeliefAgent):
             puffs_per_hop=self.settings.puffs_per_s * plume.hop_s,
         )
         if finding.is_hit:
-            self.map.detect(mean_share)
+            self.map.detect(mean_share, weight=weight)
         else:
-            self.map.miss(log_share)
+            self.map.miss(log_share, weight=weight)
 
     def next_leg(self, observation: Observation) -> Command:
         """Return a leg back along the plume soon after gas, else one to where a finding tells most."""

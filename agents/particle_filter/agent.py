@@ -10,7 +10,12 @@ import numpy as np
 from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim_search.bayes import particle_filter
 from gslcosim_search.bayes.belief_search import BeliefAgent
-from gslcosim_search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
+from gslcosim_search.bayes.particle_filter import (
+    ParticleCloud,
+    newborn_area_m2,
+    puff_variances_m2,
+    wind_spread_m_sqrt_s,
+)
 from gslcosim_search.bayes.puff_tracing import partial_sums_m
 from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
@@ -29,6 +34,7 @@ class ParticleFilter(BeliefAgent):
         settings = self.settings
         particle_filter.warm_up()
         self.cloud = ParticleCloud(settings.particles, briefing.bounds, self.draws.generator("particles"))
+        self.sensed_m2 = settings.sensed_m2 or newborn_area_m2(settings.first_sigma_m)
         self.means_m: deque[tuple[float, float]] = deque(maxlen=settings.estimates)
         self.unseen = CoverageGrid(self.flights.pilot.room, edge_m=settings.explore_step_m)
         self.spiral: ArchimedeanSpiral | None = None
@@ -43,7 +49,7 @@ class ParticleFilter(BeliefAgent):
         """Begin again without particles."""
         self.cloud.clear()
 
-    def update(self, observation: Observation, finding: Finding) -> None:
+    def update(self, observation: Observation, finding: Finding, weight: float) -> None:
         """Bear, weigh and resample; the first gas bears particles."""
         if not (finding.is_hit or self.cloud.is_born):
             return
@@ -60,8 +66,9 @@ class ParticleFilter(BeliefAgent):
             variance_m2,
             is_hit=finding.is_hit,
             detection_probability=settings.detection_probability,
-            sensed_m2=settings.sensed_m2,
+            sensed_m2=self.sensed_m2,
             floor_frac=settings.floor_frac,
+            weight=weight,
         )
         if self.cloud.n_effective() < settings.resample_below * settings.particles:
             if settings.resampling == "copies":

@@ -59,6 +59,7 @@ class Qmdp(SearchAgent):
 
     def observe(self, observation: Observation) -> None:
         """Measure while the vehicle holds."""
+        super().observe(observation)
         self.measure.add(observation)
 
     @property

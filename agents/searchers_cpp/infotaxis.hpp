@@ -166,7 +166,7 @@ public:
           step_m_{settings_.number("step_m", 1.5)},
           stop_s_{settings_.number("stop_s", 2.0)},
           floor_{settings_.number("floor", 0.05)},
-          power_{settings_.number("power", 0.35)},
+          power_{settings_.number("power", 0.4)},
           room_{briefing, settings_.number("wall_margin_m", 0.5)},
           evidence_{briefing, stop_s_, settings_.number("threshold_ppm", 0.1)},
           winds_{briefing, settings_.number("wind_memory_s", 20.0)},
@@ -187,7 +187,7 @@ public:
         is_passed_.assign(cells_m_.size(), false);
         corner_m_ = {low_m[0], low_m[1], briefing.at("search_height_m").get<double>()};
         const double room_length_m = std::max(high_m[0] - low_m[0], high_m[1] - low_m[1]);
-        dispersal_ = {settings_.number("hits_at_1m", 1.0), settings_.number("diffusivity_m2_s", 0.03),
+        dispersal_ = {settings_.number("hits_at_1m", 1.0), settings_.number("diffusivity_m2_s", 0.1),
                       settings_.number("lifetime_s", 300.0), room_length_m, settings_.number("detector_m", 0.1),
                       settings_.number("correlation_s", 5.0), stop_s_};
     }

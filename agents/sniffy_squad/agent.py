@@ -50,6 +50,7 @@ class SniffySquad(MapAgent):
 
     def observe(self, observation: Observation) -> None:
         """Read and listen: reports come with any observation."""
+        super().observe(observation)
         self.watch.add(observation)
         self.rounds.observe(observation)
 

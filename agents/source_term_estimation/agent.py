@@ -69,7 +69,7 @@ class SourceTermEstimation(BeliefAgent):
         """Leave the surroundings of a place out of the particles."""
         self.filter.reject(place_m, self.settings.visit_m)
 
-    def update(self, observation: Observation, finding: Finding) -> None:
+    def update(self, observation: Observation, finding: Finding, weight: float) -> None:
         """Weigh the particles by a reading and its wind: the mixing ratio after gas, none in clean air."""
         speed_m_s, direction_rad = self.wind()
         ppm = max(self.nose.ppm(observation), 1.01 * self.threshold_ppm) if finding.is_hit else 0.0

@@ -14,6 +14,7 @@ from gslcosim.agent_kit.settings import load_settings
 from gslcosim.contract.messages import RadioMessage
 from gslcosim_search import elementary
 from gslcosim_search.beliefs import BeliefPublisher, CellGrid
+from gslcosim_search.motion.deadline import DeadlineRule
 from gslcosim_search.motion.declaration import DeclarationGuard, Estimate
 from gslcosim_search.random_stream import RandomStream
 
@@ -26,13 +27,16 @@ class SearchAgent(Agent):
     1. evidence: `observe` takes note of every observation.
     2. leg: `continue_leg` answers as long as the last leg, or a wait at its end, is under way.
     3. belief: `learn` takes in what the stop has brought; `p` over the cells of `grid` is published with the answer.
-    4. declaration: what `estimate` returns is declared, once for each place; `declares: false` switches that off.
+    4. declaration: what `estimate` returns is declared, once for each place, and near the time limit what
+       `deadline.DeadlineRule` finds in the belief; `declares: false` switches both off. Where that rule holds, nothing
+       is declared before there was gas.
     5. planner: `next_leg` is the answer otherwise, with the radio messages of `outgoing`.
 
     A method is a subclass that fills in what it has of these; `next_leg` it must. Its `program` is its card that names
     it, or its `__file__` with the card beside it.
 
-    State: the random stream of the method, when a belief was published, and what was declared.
+    State: the random stream of the method, when a belief was published, what was declared, and that of the deadline's
+    rule.
 
     Held by:
         extensions/search/tests/unit/test_search_agent.py
@@ -56,6 +60,12 @@ class SearchAgent(Agent):
         self.draws = RandomStream(briefing.seed)
         self.height_m = briefing.search_height_m
         self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
+        self.deadline = DeadlineRule.for_mission(briefing, self.settings)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of gas, for the rule of the deadline."""
+        if self.deadline is not None:
+            self.deadline.add(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the leg that goes on, or at a stop a declaration or the next leg."""
@@ -66,8 +76,11 @@ class SearchAgent(Agent):
         self.learn(observation)
         p = self.p
         belief = None if p is None else self.publisher.message(observation, p, self.grid, height_m=self.height_m)
-        found = self.estimate(observation) if getattr(self.settings, "declares", True) else None
-        command = None if found is None else self.declare(observation, found)
+        has_grounds = self.deadline is None or self.deadline.has_met_gas
+        if has_grounds and getattr(self.settings, "declares", True):
+            command = self.declare_late(observation)
+            if command is None and (found := self.estimate(observation)) is not None:
+                command = self.declare(observation, found)
         command = command or self.next_leg(observation)
         return command.model_copy(update={"belief": belief, "outgoing": self.outgoing(observation)})
 
@@ -93,6 +106,14 @@ class SearchAgent(Agent):
         if passed is None:
             return None
         return declaration(observation, (*passed.position_m, self.height_m)[:3], passed.confidence)
+
+    def declare_late(self, observation: Observation) -> Command | None:
+        """Return the declaration of the belief's own estimate near the time limit, from wherever the vehicle is."""
+        p = None if self.deadline is None else self.p
+        if self.deadline is None or p is None:
+            return None
+        found = self.deadline.estimate(observation.time_s, p, self.grid)
+        return None if found is None else SearchAgent.declare(self, observation, found)
 
     @abstractmethod
     def next_leg(self, observation: Observation) -> Command:

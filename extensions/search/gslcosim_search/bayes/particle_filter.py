@@ -126,6 +126,15 @@ def puff_variances_m2(n: int, step_s: float, spread_m_sqrt_s: Array, first_sigma
     return first_sigma_m * first_sigma_m + ages_s[:, None] * np.square(spread_m_sqrt_s)
 
 
+def newborn_area_m2(first_sigma_m: float) -> float:
+    """Return the area that a puff covers when it is released: S = 2 pi s0^2 [m2].
+
+    The integral of exp(-r^2 / (2 s0^2)) over the plane: an even disc of it has the middle and the amount of the puff.
+    In `log_miss_of_particles` a puff that was released at the sensor is then detected with the probability mu.
+    """
+    return 2.0 * math.pi * first_sigma_m * first_sigma_m
+
+
 class ParticleCloud:
     """Places where the source may be, with weights; none before the first detection.
 
@@ -194,7 +203,7 @@ class ParticleCloud:
         self._log_weights[replaced] = highest + elementary.log(mean)
         self.places_m[replaced] = np.clip(born_m, self._min_m, self._max_m)
 
-    def weigh(self, log_miss: Array, *, is_hit: bool, floor_frac: float = 0.0) -> None:
+    def weigh(self, log_miss: Array, *, is_hit: bool, floor_frac: float = 0.0, weight: float = 1.0) -> None:
         """Multiply the weights by the chance of what was found.
 
         detection: 1 - exp(ln gamma);  none: exp(ln gamma);  both are raised to (1 - f) p + f by a floor f
@@ -203,10 +212,11 @@ class ParticleCloud:
             log_miss: (n,) ln gamma as `log_miss_of_particles` gives it.
             is_hit: Whether gas was detected.
             floor_frac: The floor f: no single finding takes more away.
+            weight: What the finding counts among others like it: the power of its likelihood, from 0 to 1.
         """
         chance = -elementary.expm1_each(log_miss) if is_hit else elementary.exp_each(log_miss)
         floored = (1.0 - floor_frac) * chance + floor_frac
-        self._log_weights += elementary.log_each(np.maximum(floored, elementary.exp(_LEAST_LOG)))
+        self._log_weights += weight * elementary.log_each(np.maximum(floored, elementary.exp(_LEAST_LOG)))
         self._log_weights -= self._log_weights.max()
 
     def resample(self, *, jitter_m: float | None = None) -> None:
@@ -285,6 +295,7 @@ def update_particles(
     detection_probability: float = 0.9,
     sensed_m2: float = 0.01,
     floor_frac: float = 0.0,
+    weight: float = 1.0,
 ) -> None:
     """Update a cloud by one finding; a cloud without particles stays without.
 
@@ -295,12 +306,13 @@ def update_particles(
         detection_probability: Chance mu to detect a puff that is met.
         sensed_m2: Area in which the sensor meets a puff [m2].
         floor_frac: No single finding takes more away from a particle than this leaves.
+        weight: What the finding counts among others like it.
     """
     if not cloud.is_born:
         return
     sensor = np.array(sensor_m[:2], dtype=np.float64)
     log_miss = log_miss_of_particles(cloud.places_m, sensor, travelled_m, variance_m2, detection_probability, sensed_m2)
-    cloud.weigh(log_miss, is_hit=is_hit, floor_frac=floor_frac)
+    cloud.weigh(log_miss, is_hit=is_hit, floor_frac=floor_frac, weight=weight)
 
 
 def warm_up() -> None:

@@ -153,6 +153,10 @@ class PuffModel:
     A puff is `initial_sigma_m` wide at birth and wanders by `spread_m_sqrt_s` times the root of its age, on each axis;
     where it is met, within `sensed_m2` of its place (absent: one cell), it is detected with `detection_probability`.
     With an initial size of 0 the puff that is released just now is left out: it has no extent.
+
+    `hits` says what a detection tells of a cell: `chance`, the chance to detect gas of a source there, 1 - gamma, or
+    `share`, beta of the paper. With `chance` a detection and its absence are outcomes of one model; beta is the greater
+    the nearer a cell is, without a limit, and takes any gas for a source nearby.
     """
 
     step_s: float = 0.5
@@ -161,6 +165,7 @@ class PuffModel:
     spread_m_sqrt_s: float = 0.2
     detection_probability: float = 0.9
     sensed_m2: float | None = None
+    hits: str = "chance"
 
     @property
     def n_steps(self) -> int:
@@ -250,15 +255,15 @@ class SourceMap:
         """Return the probability of each cell, of the grid's shape."""
         return normalised_from_log(self.log_p)
 
-    def detect(self, mean_share: Array) -> None:
-        """Take note of a detection; `mean_share` is beta. A detection that no cell explains says nothing."""
-        highest = float(mean_share[np.isfinite(self.log_p)].max(initial=0.0))
+    def detect(self, share: Array, *, weight: float = 1.0) -> None:
+        """Take note of a detection; `share` is beta, or 1 - gamma. A detection that no cell explains says nothing."""
+        highest = float(share[np.isfinite(self.log_p)].max(initial=0.0))
         if highest > 0.0:
-            self.multiply(np.minimum(1.0, mean_share / highest))
+            self.multiply(np.minimum(1.0, share / highest), weight=weight)
 
-    def miss(self, log_share: Array) -> None:
+    def miss(self, log_share: Array, *, weight: float = 1.0) -> None:
         """Take note that nothing was detected; `log_share` is ln gamma."""
-        self.multiply(elementary.exp_each(log_share))
+        self.multiply(elementary.exp_each(log_share), weight=weight)
 
     def reject(self, place_m: Sequence[float], radius_m: float, *, left_frac: float = 0.01) -> None:
         """Take note that the source is not within a radius of a place: so little of the probability is left there."""
@@ -266,10 +271,10 @@ class SourceMap:
         updated = self.log_p + np.where(is_near, elementary.log(left_frac), 0.0)
         self.log_p = updated - float(updated.max())
 
-    def multiply(self, likelihood: Array) -> None:
-        """Multiply by a likelihood between 0 and 1, raised to the floor."""
+    def multiply(self, likelihood: Array, *, weight: float = 1.0) -> None:
+        """Multiply by a likelihood between 0 and 1, raised to the floor, and then to the power of a weight."""
         floored = (1.0 - self._floor_frac) * likelihood + self._floor_frac
-        updated = self.log_p + elementary.log_each(floored)
+        updated = self.log_p + weight * elementary.log_each(floored)
         highest = float(updated.max())
         # Measurements that together rule out every cell are a wrong model, not a proof: the map stays as it was.
         if math.isfinite(highest):
@@ -301,7 +306,13 @@ def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequen
 
 
 def update(
-    source_map: SourceMap, model: PuffModel, sensor_m: Sequence[float], travelled_m: Array, *, is_hit: bool
+    source_map: SourceMap,
+    model: PuffModel,
+    sensor_m: Sequence[float],
+    travelled_m: Array,
+    *,
+    is_hit: bool,
+    weight: float = 1.0,
 ) -> None:
     """Update a map by one measurement.
 
@@ -309,6 +320,7 @@ def update(
         model: How puffs spread, and how surely they are detected.
         travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps; see `displacements_m`.
         is_hit: Whether gas was detected.
+        weight: What the measurement counts among others like it, from 0 to 1.
     """
     grid, first = source_map.grid, model.first_age
     variance_m2 = model.variances_m2(len(travelled_m))
@@ -320,9 +332,10 @@ def update(
         model.detection_probability, sensed_m2,
     )  # fmt: skip
     if is_hit:
-        source_map.detect(mean_share)
+        share = -elementary.expm1_each(log_share) if model.hits == "chance" else mean_share
+        source_map.detect(share, weight=weight)
     else:
-        source_map.miss(log_share)
+        source_map.miss(log_share, weight=weight)
 
 
 def warm_up() -> None:

@@ -176,6 +176,7 @@ class InformationAgent(SearchAgent):
 
     def observe(self, observation: Observation) -> None:
         """Take note of wind and gas on the way; calling it again for the same tick does no harm."""
+        super().observe(observation)
         self._winds.add(observation)
         finding = self._evidence.add(observation)
         if finding is not None:

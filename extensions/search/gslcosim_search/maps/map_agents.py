@@ -97,6 +97,7 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
 
     def observe(self, observation: Observation) -> None:
         """Collect what is measured until the next decision."""
+        super().observe(observation)
         self.watch.add(observation)
 
     def continue_leg(self, observation: Observation) -> Command | None:
@@ -239,6 +240,7 @@ class KernelMapAgent(MapAgent):
 
     def observe(self, observation: Observation) -> None:
         """Put a reading on the map, where one is due."""
+        super().observe(observation)
         reading = self.readings.add(observation)
         if reading is not None:
             self.gas.add(reading.place_m, reading.value, time_s=reading.time_s, wind_m_s=reading.wind_m_s)

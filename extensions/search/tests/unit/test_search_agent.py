@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
-from briefings import briefing, observation
+from briefings import briefing, observation, task_of
 
 from gslcosim.agent_kit import Command, RadioMessage
 from gslcosim.agent_kit.commands import waypoint
+from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.motion.declaration import Estimate
 from gslcosim_search.search_agent import SearchAgent, extract_settings
@@ -16,8 +17,8 @@ from gslcosim_search.search_agent import SearchAgent, extract_settings
 class Searcher(SearchAgent):
     """Notes which of its parts was asked; the source is found at the third stop, and on the way at tick 1."""
 
-    def __init__(self, **settings) -> None:
-        super().__init__(briefing(), SimpleNamespace(**settings))
+    def __init__(self, mission=None, **settings) -> None:
+        super().__init__(mission or briefing(), SimpleNamespace(**settings))
         self.grid = CellGrid((0.0, 0.0), 1.0, (2, 2))
         self.asked: list[str] = []
         self.n_stops = 0
@@ -87,3 +88,50 @@ class Part:
 def test_a_part_of_settings_takes_its_own_and_keeps_defaults_of_the_rest():
     assert extract_settings(Part, SimpleNamespace(margin_m=2.0, other=1)) == Part(margin_m=2.0)
     assert extract_settings(Part, SimpleNamespace(margin_m=2.0, step_m=3.0)) == Part(margin_m=2.0, step_m=3.0)
+
+
+class Believer(Searcher):
+    """Believes in one cell, notes the gas that it meets, and has a rule of its own that never declares."""
+
+    @property
+    def p(self):
+        return np.array([[0.7, 0.1], [0.1, 0.1]])
+
+    def observe(self, observation):
+        SearchAgent.observe(self, observation)
+
+    def estimate(self, observation):
+        return None
+
+
+def test_near_the_time_limit_the_belief_is_declared_once_where_the_mission_asks_for_it():
+    def kinds(**changes):
+        one = Believer(
+            mission=briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), task=task_of(DeclarationSuccess())),
+            **{"deadline": "by_mission", **changes},
+        )
+        seen = [
+            observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, 0.0)}).model_copy(update={"time_s": time_s})
+            for tick, time_s in ((10, 100.0), (20, 269.0), (30, 271.0), (40, 280.0))
+        ]
+        return [one.decide(each).kind for each in seen]
+
+    assert kinds() == ["waypoint", "waypoint", "declare_source", "waypoint"]
+    assert set(kinds(deadline="never")) == set(kinds(declares=False)) == {"waypoint"}
+
+
+def test_where_the_mission_asks_no_belief_is_declared_before_there_was_gas():
+    class Sure(Believer):
+        """Declares by a rule of its own at once."""
+
+        def estimate(self, observation):
+            return Estimate(position_m=(3.0, 4.0), confidence=0.8)
+
+    def kinds(ppm, **settings):
+        mission = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), task=task_of(DeclarationSuccess()))
+        one = Sure(mission=mission, **settings)
+        return [one.decide(observation(tick=10, readings={"nose": ppm, "vane": (0.5, 0.0)})).kind]
+
+    assert kinds(2.0, deadline="by_mission") == ["declare_source"]
+    assert kinds(0.2, deadline="by_mission") == ["waypoint"]
+    assert kinds(0.2, deadline="never") == ["declare_source"]

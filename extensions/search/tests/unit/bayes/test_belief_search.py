@@ -6,6 +6,7 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim_search.bayes.belief_search import (
+    AlikeFindings,
     BeliefAgent,
     GoalNavigator,
     choose_goal,
@@ -40,14 +41,15 @@ class Searcher(BeliefAgent):
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
-        self.findings, self.rejected_m = [], []
+        self.findings, self.weights, self.rejected_m = [], [], []
 
     @property
     def p(self):
         return np.full(self.grid.shape, 1.0 / self.grid.n_cells) if self.believed is None else self.believed
 
-    def update(self, observation, finding):
+    def update(self, observation, finding, weight):
         self.findings.append(finding)
+        self.weights.append(weight)
 
     def reject(self, place_m):
         self.rejected_m.append(place_m)
@@ -257,3 +259,18 @@ def test_a_refused_goal_and_what_is_near_it_are_given_up_until_nothing_is_left()
     everything.leg(here, (10.25, 5.25))
     everything.note_refusal(observation(notice="in an obstacle"))
     assert everything.is_goal((10.25, 5.25))
+
+
+def test_findings_at_one_place_weigh_less_and_less_and_others_fully():
+    alike = AlikeFindings(radius_m=0.5, n_remembered=3)
+    assert [alike.weigh((2.0, 3.0, z_m)) for z_m in (1.0, 2.0, 3.0)] == pytest.approx([1.0, 1 / 2, 1 / 3])
+    assert alike.weigh((2.6, 3.0, 1.0)) == 1.0
+    # One of the three that are remembered was elsewhere.
+    assert alike.weigh((2.0, 3.0, 1.0)) == pytest.approx(1 / 3)
+    assert [AlikeFindings(radius_m=0.0).weigh((2.0, 3.0)) for _ in range(3)] == [1.0, 1.0, 1.0]
+
+
+def test_a_vehicle_at_rest_learns_less_from_each_finding():
+    made = search(alike_m=0.5)
+    warmed(made, ppm=2.0)
+    assert made.weights[:3] == pytest.approx([1.0, 1 / 2, 1 / 3])

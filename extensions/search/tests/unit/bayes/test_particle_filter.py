@@ -9,6 +9,7 @@ from gslcosim.contract.messages import Bounds
 from gslcosim_search.bayes.particle_filter import (
     ParticleCloud,
     log_miss_of_particles,
+    newborn_area_m2,
     puff_variances_m2,
     systematic_indices,
     update_particles,
@@ -148,3 +149,19 @@ def test_the_same_seed_gives_the_same_cloud():
 
     assert np.array_equal(run(1), run(1))
     assert not np.array_equal(run(1), run(2))
+
+
+@pytest.mark.parametrize("sigma_m", [0.1, 0.3])
+def test_a_puff_released_at_the_sensor_is_detected_with_the_probability_of_a_puff_that_is_met(sigma_m):
+    variance_m2 = puff_variances_m2(1, 1.0, np.array([0.2, 0.2]), sigma_m)
+    here = np.array([1.0, 1.0])
+    log_miss = log_miss_of_particles(here[None], here, np.zeros((1, 2)), variance_m2, 0.9, newborn_area_m2(sigma_m))
+    assert -np.expm1(log_miss) == pytest.approx([0.9])
+
+
+def test_a_finding_of_little_weight_changes_the_weights_by_a_power():
+    log_miss = np.log(np.linspace(0.1, 0.9, 100))
+    fully, half = cloud(100), cloud(100)
+    fully.weigh(log_miss, is_hit=False)
+    half.weigh(log_miss, is_hit=False, weight=0.5)
+    assert half.weights() == pytest.approx(normalised(np.sqrt(fully.weights())))

@@ -59,16 +59,19 @@ def test_shares_are_those_of_a_plain_double_loop():
     assert log_share == pytest.approx(np.log(1.0 - 0.9 * shares).sum(axis=0), abs=1e-12)
 
 
-def test_a_map_is_what_bayes_rule_gives_cell_by_cell():
+@pytest.mark.parametrize("weight", [1.0, 0.4])
+@pytest.mark.parametrize("hits", ["share", "chance"])
+def test_a_map_is_what_bayes_rule_gives_cell_by_cell(hits, weight):
     """Two detections and a miss at three places, against products of the plain shares."""
     wind = np.tile([[0.5, 0.1]], (6, 1))
     expected = np.ones(GRID.shape)
     source_map = SourceMap(GRID)
-    model = PuffModel(step_s=1.0, window_s=6.0, spread_m_sqrt_s=0.4)
+    model = PuffModel(step_s=1.0, window_s=6.0, spread_m_sqrt_s=0.4, hits=hits)
     for sensor_m, is_hit in (((4.2, 2.1), True), ((4.0, 3.9), False), ((3.1, 1.9), True)):
         shares = plain_shares(GRID, sensor_m, wind, 1.0, 0.4)
-        expected *= shares.mean(axis=0) if is_hit else (1.0 - 0.9 * shares).prod(axis=0)
-        update(source_map, model, sensor_m, partial_sums_m(wind, 1.0), is_hit=is_hit)
+        missed = (1.0 - 0.9 * shares).prod(axis=0)
+        expected *= ((shares.mean(axis=0) if hits == "share" else 1.0 - missed) if is_hit else missed) ** weight
+        update(source_map, model, sensor_m, partial_sums_m(wind, 1.0), is_hit=is_hit, weight=weight)
     assert source_map.probability() == pytest.approx(normalised(expected), abs=1e-12)
 
 
