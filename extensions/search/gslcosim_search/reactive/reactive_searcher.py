@@ -172,6 +172,8 @@ class ReactiveAgent(SearchAgent):
     def lose(self, observation: Observation, contact: Contact, upwind_rad: float) -> Command | None:
         """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
 
+        Where a posterior declares, losses do not: false findings of a MOX sensor make some too, anywhere.
+
         Args:
             contact: What is known at it; where gas was met last counts.
             upwind_rad: The wind against which the plume was followed [rad].
@@ -179,7 +181,8 @@ class ReactiveAgent(SearchAgent):
         if contact.last_m is None:
             return None
         self._losses.add(contact.last_m, upwind_rad)
-        found = self._losses.estimate(upwind_rad) if self.shared.declares else None
+        is_asked = self.shared.declares and self._declarer.posterior is None
+        found = self._losses.estimate(upwind_rad) if is_asked else None
         return None if found is None else self.declare(observation, found)
 
     @property

@@ -2,10 +2,12 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from briefings import briefing, observation
+from briefings import briefing, observation, task_of
 
 from gslcosim.agent_kit import Command
+from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim_search.reactive.reactive_searcher import LossPoints, ReactiveAgent
+from gslcosim_search.senses.stop_and_measure import Contact
 
 SETTINGS = {
     "margin_m": 1.0, "hold_s": None, "explore_hold_s": 0.0, "explore_step_m": 1.8, "threshold_ppm": 0.1,
@@ -24,8 +26,8 @@ class Searcher(ReactiveAgent):
         return Command(tick=observation.tick, kind="hold")
 
 
-def searcher(mode="on_request", **changes):
-    agent_briefing = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
+def searcher(mode="on_request", task=None, **changes):
+    agent_briefing = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode, task=task)
     return Searcher(agent_briefing, SimpleNamespace(**SETTINGS | changes))
 
 
@@ -123,3 +125,17 @@ def test_the_rule_turns_with_the_wind(turn_rad):
     estimate = detections(turned, upwind_rad=WEST_RAD + turn_rad).estimate(WEST_RAD + turn_rad)
     assert estimate is not None
     assert estimate.position_m == turned[0]
+
+
+def test_losses_that_agree_are_declared_where_no_posterior_is():
+    def lose(flown):
+        contact = Contact(
+            has_gas=False, gas_m=None, last_m=(7.0, 5.0, 2.0), since_hit_s=9.0, upwind_rad=WEST_RAD, is_calm=False,
+            gas_ppm=0.0,
+        )  # fmt: skip
+        return [flown.lose(at(10 + i), contact, WEST_RAD) for i in range(6)][-1]
+
+    assert lose(searcher()).kind == "declare_source"
+    asked = searcher(task=task_of(DeclarationSuccess()))
+    assert lose(asked) is None
+    assert lose(searcher(task=task_of(DeclarationSuccess()), plume_fit="never")).kind == "declare_source"
