@@ -24,8 +24,10 @@ from gslcosim_bench.studies.target import collect_bundled_seeds, collect_seeds
 SCHEMA = "gslcosim/seal/1"
 _SEED_BITS, _NONCE_BYTES = 63, 16
 _MAX_DRAWS = 100
-# Entries and what is recorded of them belong to those who take part.
-_NO_RECIPE = {"seed", "sealed", "include", "entries", "anchors", "record", "limits", "sandbox", "title", "question"}
+# Entries, what they are compared with, and what is recorded of them belong to those who take part.
+_NO_RECIPE = {
+    "seed", "sealed", "include", "entries", "anchors", "nulls", "record", "limits", "sandbox", "title", "question",
+}  # fmt: skip
 
 
 class _CommitmentFile(TypedDict):
@@ -110,6 +112,9 @@ def _list_recipe(loaded: LoadedSuite, *, has_editor_lines: bool) -> Iterator[byt
     values = loaded.suite.model_dump(mode="json", exclude=_NO_RECIPE)
     for spec in values["scenarios"]:
         spec.pop("source")
+        # A key that is younger than seals counts where it is set.
+        if spec["source_height_m"] is None:
+            spec.pop("source_height_m")
     yield json.dumps(values, sort_keys=True).encode()
     for spec in loaded.suite.scenarios:
         if spec.split is None:
