@@ -155,13 +155,17 @@ def best_ball(p: Array, grid: CellGrid, radius_m: float) -> tuple[tuple[float, .
 
     Ties go to the first cell in C order. The ball holds the cells whose centres are within the radius.
     """
-    mass = _ball_masses(p, grid, radius_m)
+    mass = ball_masses(p, grid, radius_m)
     index = np.unravel_index(int(mass.argmax()), grid.shape)
     return grid.centre_m([int(i) for i in index]), min(1.0, float(mass.max()))
 
 
-# The sum of shifted copies, for balls are small; ends of the room count as empty.
-def _ball_masses(p: Array, grid: CellGrid, radius_m: float) -> Array:
+def ball_masses(p: Array, grid: CellGrid, radius_m: float) -> Array:
+    """Return the probability of the cells whose centres are within a radius of each cell's centre, in the grid's shape.
+
+    Outside of the grid there is none.
+    """
+    # The sum of shifted copies, for balls are small.
     reach = int(radius_m / grid.cell_m + 1e-9)
     padded = np.pad(p, reach)
     mass = np.zeros(grid.shape)

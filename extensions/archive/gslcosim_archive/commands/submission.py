@@ -239,36 +239,36 @@ def _audit(arguments: argparse.Namespace) -> int:
         "drawn": [trial.id for trial in trials],
     }
     listed = ", ".join(str(number) for number in facts["lines_of_key"])
-    told = (
+    summary = (
         f"Drawn: {len(drawn)} of {len(places)} places with {len(trials)} rows, by line {of_suite[0].number} of the log "
         f"({of_suite[0].hash}), the first for this suite, and the beacon '{arguments.beacon}'.\n"
         f"Log: the results are line {line.number}; this key has {len(facts['lines_of_key'])} for this suite "
         f"({listed}), and {len(keys) - 1} other keys have some. Limits hold for {draw.n_lines} of these together.\n"
     )
     if len(own_keys) > 1:
-        told += (
+        summary += (
             f"Keys: '{line.author}' is the name beside {len(own_keys)} keys for this suite; the log does not show "
             "whether they are of one author.\n"
         )
     if elsewhere:
-        told += (
+        summary += (
             f"Other cases: {len(elsewhere)} more lines of this author are for other cases, "
             f"{sum(each.suite == line.suite for each in elsewhere)} of them under the name {line.suite}.\n"
         )
-    told += (
+    summary += (
         "Beacon: no note of the log has it, so the log does not show that it is from after the results."
         if note is None
         else f"Beacon: line {note.number} of the log has it, after the results."
     )
     if arguments.draw_only:
         rows = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)
-        write_json(facts) if arguments.json else write(f"{told}{rows}")
+        write_json(facts) if arguments.json else write(f"{summary}{rows}")
         return 0
     verification = verify_here(arguments, again, trials, contents)
     if arguments.json:
         write_json(verification_to_json(verification, audited) | facts)
     else:
-        write(f"{format_signature(signed)}\n{told}\n{format_verification(verification, audited)}")
+        write(f"{format_signature(signed)}\n{summary}\n{format_verification(verification, audited)}")
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 

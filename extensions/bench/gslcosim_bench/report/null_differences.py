@@ -1,4 +1,4 @@
-"""Difference of each entry to the best null of each case: what a method is worth beyond what asks for no method."""
+"""Difference of each entry's success to that of the best null in the same cases."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class NullDifference:
 
 
 def find_nulls(material: ReportData) -> tuple[int, ...]:
-    """Return the entries that the suite calls nulls and that have flown."""
+    """Return the indices of the suite's nulls that have rows."""
     names = material.suite.get("nulls") or ()
     listed = [str(name) for name in names] if isinstance(names, list | tuple) else []
     return tuple(i for i, entry in enumerate(material.entries) if entry.name in listed)
@@ -44,7 +44,7 @@ def find_nulls(material: ReportData) -> tuple[int, ...]:
 def compare_with_nulls(material: ReportData) -> tuple[NullDifference, ...]:
     """Return the difference of each entry but the nulls to the best null, over all cases and in each family.
 
-    None where the suite names no null, or none of them has flown.
+    Empty where the suite names no null, or none of them has rows.
     """
     rows, nulls = material.rows, find_nulls(material)
     anchor = material.index_of_anchor("lower")

@@ -1,4 +1,4 @@
-"""Nulls: what entries have to beat in each case, chosen without the luck of the flight that they are compared with."""
+"""Nulls: the best trivial entry for each flight, chosen by the other flights of its group."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from gslcosim_bench.statistics.estimates import check_same_length, encode_labels
 Floats = NDArray[np.float64]
 
 LEAST_OTHERS = 4
-"""Other flights of a group from which a null is chosen: a scenario that is flown five times has so many."""
+"""Other flights of a group from which a null is chosen: those of a scenario with five repetitions."""
 
 
 def best_null_elsewhere(success: Floats, groupings: Sequence[NDArray[np.int64]]) -> Floats:

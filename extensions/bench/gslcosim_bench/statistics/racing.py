@@ -45,7 +45,7 @@ _BISECTIONS = 30
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceEstimate:
-    """What a race knows of an entry's place after some flights.
+    """Estimate of an entry's place after some flights of a race.
 
     `score` is the expected score over the whole suite, `place` the place that it would have; the true score is between
     `low` and `high`, and the true place between `first` and `last`, for all estimates of a race together, in `level`
@@ -305,7 +305,7 @@ def replay_race(
     batch: int = BATCH,
     level: float = LEVEL,
 ) -> list[PlaceEstimate]:
-    """Return what a race against recorded rows would have told after each batch, of an entry that was left out.
+    """Return the estimates of a race on recorded rows after each batch, for an entry that is left out of them.
 
     Args:
         scores: (n, k) score of each flight of the suite, 0 to 1, of all entries.
@@ -317,7 +317,7 @@ def replay_race(
         level: Confidence of all intervals together.
     """
     race = PlaceRace(np.delete(scores, entry, axis=1), cases, seed=seed, budget=budget, level=level)
-    told: list[PlaceEstimate] = []
-    while race.n_left and (n_flown := told[-1].n_flown if told else 0) < budget:
-        told.append(race.record([float(scores[i, entry]) for i in race.draw(min(batch, budget - n_flown))]))
-    return told
+    estimates: list[PlaceEstimate] = []
+    while race.n_left and (n_flown := estimates[-1].n_flown if estimates else 0) < budget:
+        estimates.append(race.record([float(scores[i, entry]) for i in race.draw(min(batch, budget - n_flown))]))
+    return estimates

@@ -1,4 +1,4 @@
-"""Placement: one new entry flown against the rows of a suite's other entries until its place in their table is known.
+"""Placement: the place of a new entry among a suite's other entries, from flights that are chosen one batch at a time.
 
 The rows are those of `bench run`, in a folder of results of the suite: a later `bench run` flies the rest.
 """
@@ -46,13 +46,13 @@ class Opponents:
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """What a race told.
+    """Result of a race.
 
     Attributes:
         entry: Name of the entry.
-        opponents: Whom it raced.
+        opponents: Entries that it raced.
         table: Score of each opponent over the whole suite.
-        estimates: What was told after each batch.
+        estimates: Estimate of the place after each batch.
         n_flights: Flights with gas that the whole suite has for an entry.
         n_flown_now: Flights of this call; the others were there.
         n_without_result: Flights that ended without a result; they count as failures.
@@ -164,15 +164,15 @@ def fly_placement(
     batch: int = BATCH,
     tell: Callable[[PlaceEstimate], None] = lambda _: None,
 ) -> Placement:
-    """Fly batches of drawn flights until the place is known well enough, and return what was told.
+    """Fly batches of drawn flights until the place is known well enough, and return the result.
 
     The draws follow from the suite's seed and the entry's name, so that the same call goes on where it stopped, and
-    nobody chooses among several draws.
+    there is one draw to choose from.
 
     Args:
         flights: All flights of the entry with gas, in the order of the plan.
         folder: Where rows go; those that are there are not flown again.
-        tell: Receives what is known after each batch.
+        tell: Receives the estimate after each batch.
 
     Raises:
         KeyboardInterrupt: it was interrupted; what was flown is kept.
@@ -186,11 +186,11 @@ def fly_placement(
         budget=budget,
     )
     rows = {row["trial"]: row for row in folder.rows()}
-    told: list[PlaceEstimate] = []
+    estimates: list[PlaceEstimate] = []
     flown: list[Row] = []
     n_flown_now, stopped_by = 0, ""
     with host.sharing_pool() as sharing:
-        while not (stopped_by := _find_stop(race, told, stop, budget)):
+        while not (stopped_by := _find_stop(race, estimates, stop, budget)):
             drawn = [flights[i] for i in race.draw(min(batch, budget - len(flown)))]
             if any(trial.id not in rows for trial in drawn):
                 summary = SuiteRun(
@@ -204,13 +204,13 @@ def fly_placement(
                 rows = {row["trial"]: row for row in folder.rows()}
             new = [rows[trial.id] for trial in drawn]
             flown += new
-            told.append(race.record([(row["score"] or 0.0) if row["status"] == COMPLETED else 0.0 for row in new]))
-            tell(told[-1])
+            estimates.append(race.record([(row["score"] or 0.0) if row["status"] == COMPLETED else 0.0 for row in new]))
+            tell(estimates[-1])
     return Placement(
         entry=entry,
         opponents=opponents,
         table=dict(zip(opponents.names, race.table.tolist(), strict=True)),
-        estimates=tuple(told),
+        estimates=tuple(estimates),
         n_flights=n,
         n_flown_now=n_flown_now,
         n_without_result=sum(row["status"] != COMPLETED for row in flown),
@@ -219,11 +219,11 @@ def fly_placement(
     )
 
 
-def _find_stop(race: PlaceRace, told: Sequence[PlaceEstimate], stop: StopRule, budget: int) -> str:
-    if told and told[-1].n_places <= stop.places:
+def _find_stop(race: PlaceRace, estimates: Sequence[PlaceEstimate], stop: StopRule, budget: int) -> str:
+    if estimates and estimates[-1].n_places <= stop.places:
         return "places"
     if not race.n_left:
         return "suite"
-    if told and told[-1].n_flown >= budget:
+    if estimates and estimates[-1].n_flown >= budget:
         return "budget"
-    return "minutes" if told and stop.is_over() else ""
+    return "minutes" if estimates and stop.is_over() else ""

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Observation
 from gslcosim_search.beliefs import CellGrid
-from gslcosim_search.motion.declaration import Estimate, by_mass
+from gslcosim_search.motion.declaration import LATE_SHARE, PEAK_FACTOR, Estimate, by_mass
 from gslcosim_search.senses.hit_detection import GasHits, GasLevel
 from gslcosim_search.senses.instruments import Nose, find_noses
 
-# Share of the time limit after which a declaration is due, how many thresholds the greatest reading of gas has, and the
-# least probability that is worth a declaration.
-LATE_SHARE, PEAK_FACTOR, LEAST_PROBABILITY = 0.9, 5.0, 0.1
+# The least probability that is worth a declaration.
+LEAST_PROBABILITY = 0.1
 
 
 class DeadlineRule:

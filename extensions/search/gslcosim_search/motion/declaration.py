@@ -34,9 +34,11 @@ _TOGETHER_M, _LOST_SHARE = 1.5, 0.5
 # Of missions that ask for a declaration: how far an estimate may move and count as the same [m], and the time from one
 # reading to the next that counts [s].
 _STILL_M, _PERIOD_S = 0.5, 1.0
+# Share of the time limit after which a declaration is late.
+LATE_SHARE = 0.9
 # How many thresholds the greatest reading of a plume has, which share of it is strong, how far from it the upwind end
 # may be, and how far from the end readings belong to it, in the plane [m].
-_PEAK_FACTOR, _STRONG_SHARE, _REACH_M, _NEAR_M = 5.0, 0.1, 4.0, 1.5
+PEAK_FACTOR, _STRONG_SHARE, _REACH_M, _NEAR_M = 5.0, 0.1, 4.0, 1.5
 # From how far upwind of the end clean air counts [m], and how many readings of it are enough: three take as long as a
 # PID needs to respond.
 _EDGE_M, _N_CLEAN = 1.0, 3
@@ -131,7 +133,7 @@ class ReactiveRule:
         stops = tuple(self._stops)
         if len(stops) < (self._stops.maxlen or 0) or not self._are_together(stops):
             return None
-        if not sum(stop.gas for stop in stops) / len(stops) > _PEAK_FACTOR * self._threshold:
+        if not sum(stop.gas for stop in stops) / len(stops) > PEAK_FACTOR * self._threshold:
             return None
         if not self._has_edge(stops, upwind_rad):
             return None
@@ -226,7 +228,7 @@ class PlumeEndRule:
 
     def estimate(self, time_s: float) -> Estimate | None:
         """Return the estimate of the source, if all conditions hold now."""
-        if self._peak is None or not self._peak.gas > _PEAK_FACTOR * self._threshold:
+        if self._peak is None or not self._peak.gas > PEAK_FACTOR * self._threshold:
             return None
         strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, self._peak)]
         end = self._find_end(strong, self._peak)
@@ -370,11 +372,11 @@ class MissionDeclarer:
         limit_s, threshold = briefing.time_limit_s, self._level.threshold
         if plume_end == "by_mission":
             self._end = PlumeEndRule(
-                threshold=threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s, bounds=briefing.bounds
+                threshold=threshold, wait_s=limit_s / 3.0, latest_s=LATE_SHARE * limit_s, bounds=briefing.bounds
             )
         if plume_fit == "by_mission" and self._vane is not None:
             posterior = SourcePosterior(OpenAir(briefing.bounds), threshold=threshold)
-            self._posterior_rule = PosteriorRule(posterior, wait_s=limit_s / 10.0, latest_s=0.9 * limit_s)
+            self._posterior_rule = PosteriorRule(posterior, wait_s=limit_s / 10.0, latest_s=LATE_SHARE * limit_s)
 
     @property
     def posterior(self) -> SourcePosterior | None:

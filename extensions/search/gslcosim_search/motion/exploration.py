@@ -19,7 +19,7 @@ _SPACING_M, _NEAREST_M, _FARTHEST_M = 2.0, 0.7, 8.0
 _COST_M, _STEP_M = 2.0, 2.0
 
 
-def most_informative_place_m(
+def exploration_leg_end_m(
     posterior: SourcePosterior, time_s: float, here_m: Sequence[float], room: LegSpace
 ) -> tuple[float, float] | None:
     """Return the end of the next leg towards the place of the greatest information for its way, world frame [m].

@@ -1,6 +1,6 @@
 # pyright: basic
 
-"""Kernels of a source's likelihood: what a level, or its absence, says of places and rates, by tables of ln(level).
+"""Kernels of the likelihood of a source's place and rate, given a reading, by tables over ln(mean level).
 
 A table has an entry for each mean level c, ln(c) one step apart. A place has the entry of its level for a source of the
 least rate; each further rate is `rates_apart` entries on.

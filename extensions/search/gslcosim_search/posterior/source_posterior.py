@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim_search import elementary
-from gslcosim_search.elementary import norm2
+from gslcosim_search import beliefs, elementary
+from gslcosim_search.beliefs import CellGrid
 from gslcosim_search.posterior import likelihood_kernels
 from gslcosim_search.posterior.open_air import OpenAir
 
@@ -111,7 +111,8 @@ class SourcePosterior:
             return None
         p, grid = self.p(), self.air.grid
         x_m, y_m, z_m = (grid.axis_m(axis) for axis in range(3))
-        shares = np.round(_sum_around(p.sum(axis=2), grid.cell_m), _DIGITS)
+        plan = CellGrid(grid.origin_m[:2], grid.cell_m, grid.shape[:2])
+        shares = np.round(beliefs.ball_masses(p.sum(axis=2), plan, _RADIUS_M), _DIGITS)
         i, j = np.unravel_index(int(shares.argmax()), shares.shape)
         is_near = np.square(x_m - x_m[i])[:, None] + np.square(y_m - y_m[j])[None, :] <= _RADIUS_M * _RADIUS_M
         near = np.where(is_near[..., None], p, 0.0)
@@ -163,14 +164,3 @@ class SourcePosterior:
         density = share * likelihood_kernels.T3_PEAK / _LOG_SPREAD / np.square(1.0 + np.square(ratio) / 3.0)
         clean = n_clean * elementary.log1p(-share) if n_clean else 0.0
         return float(elementary.log_each(density).sum()) + clean
-
-
-# Probability within a metre of each cell of the plan.
-def _sum_around(plan: Array, cell_m: float) -> Array:
-    reach, (nx, ny) = int(_RADIUS_M / cell_m), plan.shape
-    padded, total = np.pad(plan, reach), np.zeros_like(plan)
-    for i in range(-reach, reach + 1):
-        for j in range(-reach, reach + 1):
-            if norm2(i, j) * cell_m <= _RADIUS_M:
-                total += padded[reach + i : reach + i + nx, reach + j : reach + j + ny]
-    return total

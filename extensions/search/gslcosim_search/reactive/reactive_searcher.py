@@ -15,7 +15,7 @@ from gslcosim_search import elementary
 from gslcosim_search.elementary import distance
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
-from gslcosim_search.motion.exploration import most_informative_place_m
+from gslcosim_search.motion.exploration import exploration_leg_end_m
 from gslcosim_search.motion.legs import LegPlanner, StuckDetector
 from gslcosim_search.search_agent import SearchAgent, extract_settings
 from gslcosim_search.senses.instruments import find_noses
@@ -236,5 +236,5 @@ class ReactiveAgent(SearchAgent):
         if posterior is None:
             return None
         here_m = observation.position_world_m
-        place_m = most_informative_place_m(posterior, observation.time_s, here_m, self.pilot.room)
+        place_m = exploration_leg_end_m(posterior, observation.time_s, here_m, self.pilot.room)
         return place_m if place_m is not None and self.pilot.is_worth_it(observation, place_m) else None
